@@ -1,0 +1,33 @@
+#include <cstdio>
+#include <exception>
+#include <fmt/format.h>
+
+#include "commands.hpp"
+#include "idol/base/diagnostics.hpp"
+
+// Exit status: 0 done, 1 bad data, 2 wrong usage, 130 interrupted.
+int main(int argc, char** argv) {
+  CLI::App app{"idol: event-camera and IMU odometry with lines", "idol"};
+  app.set_version_flag("--version", "idol " IDOL_VERSION);
+  app.require_subcommand(1);
+  idol::cli::Action action;
+  idol::cli::add_run(app, action);
+  idol::cli::add_segment(app, action);
+  idol::cli::add_evaluate(app, action);
+  idol::cli::add_simulate(app, action);
+  idol::cli::add_info(app, action);
+  idol::cli::add_report(app, action);
+  idol::cli::add_config(app, action);
+  try {
+    app.parse(argc, argv);
+    return action();
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  } catch (const idol::UsageError& e) {
+    fmt::print(stderr, "idol: {}\n", e.what());
+    return 2;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "idol: {}\n", e.what());
+    return 1;
+  }
+}

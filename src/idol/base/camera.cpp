@@ -1,0 +1,72 @@
+#include "idol/base/camera.hpp"
+
+#include <Eigen/LU>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "idol/base/diagnostics.hpp"
+
+namespace idol {
+
+Vec2 Camera::distort(const Vec2& n) const {
+  const auto& k = coeffs;
+  Vec2 d = n;
+  const double r2 = n.squaredNorm();
+  if (distortion == Distortion::kRadTan) {
+    const double radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
+    const double xy = n.x() * n.y();
+    d = radial * n + Vec2(2 * k[2] * xy + k[3] * (r2 + 2 * n.x() * n.x()),
+                          k[2] * (r2 + 2 * n.y() * n.y()) + 2 * k[3] * xy);
+  } else if (distortion == Distortion::kEquidistant && r2 > 1e-16) {
+    const double r = std::sqrt(r2);
+    const double theta = std::atan(r);
+    const double t2 = theta * theta;
+    d = n * (theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3])))) / r);
+  }
+  return {fx * d.x() + cx, fy * d.y() + cy};
+}
+
+Vec2 Camera::undistort(const Vec2& raw_px) const {
+  if (distortion == Distortion::kNone) return raw_px;
+  Vec2 n = normalise(raw_px);
+  constexpr double kStep = 1e-6;
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    const Vec2 error = distort(n) - raw_px;
+    if (error.norm() < 1e-9) break;
+    Eigen::Matrix2d J;
+    J.col(0) = (distort(n + Vec2(kStep, 0)) - distort(n - Vec2(kStep, 0))) / (2 * kStep);
+    J.col(1) = (distort(n + Vec2(0, kStep)) - distort(n - Vec2(0, kStep))) / (2 * kStep);
+    Vec2 step = J.inverse() * error;
+    // A strongly distorted lens can throw the first step across the fold of the model.
+    const double longest = 0.2 * (1.0 + n.norm());
+    if (!(step.norm() < longest)) step *= longest / step.norm();
+    n -= step;
+  }
+  if (!((distort(n) - raw_px).norm() < 1e-3)) {
+    throw DataError(fmt::format("the lens model cannot be inverted at pixel ({}, {}): check the distortion "
+                                "coefficients and the resolution",
+                                raw_px.x(), raw_px.y()));
+  }
+  return {fx * n.x() + cx, fy * n.y() + cy};
+}
+
+void Camera::check(const std::string& source) const {
+  if (width < 1 || height < 1 || width > 8192 || height > 8192)
+    throw DataError(fmt::format("{}: resolution {} x {} makes no sense", source, width, height));
+  if (!(fx > 0) || !(fy > 0) || !std::isfinite(fx + fy + cx + cy))
+    throw DataError(fmt::format("{}: focal lengths must be positive, got fx {} fy {}", source, fx, fy));
+  for (double k : coeffs)
+    if (!std::isfinite(k)) throw DataError(fmt::format("{}: a distortion coefficient is not a number", source));
+}
+
+UndistortMap::UndistortMap(int width, int height) : width_(width), height_(height) {
+  map_.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) map_.emplace_back(static_cast<float>(x), static_cast<float>(y));
+}
+
+UndistortMap::UndistortMap(const Camera& camera) : UndistortMap(camera.width, camera.height) {
+  for (auto& px : map_) px = camera.undistort(px.cast<double>()).cast<float>();
+}
+
+}  // namespace idol

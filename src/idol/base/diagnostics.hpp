@@ -1,0 +1,43 @@
+// How trouble is told: errors are thrown, survivable oddities are counted. The library never prints.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <stdexcept>
+#include <string>
+
+namespace idol {
+
+/// Bad data from outside (file, rig, recording). The message says what, where (file:line) and what to do.
+class DataError : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Wrong usage: unknown option, value out of range. The message says which and what would be right.
+class UsageError : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Survivable oddities by kind; each kind keeps its first message and a count.
+class Diagnostics {
+ public:
+  struct Entry {
+    std::string first_message;
+    std::int64_t count = 0;
+  };
+
+  void warn(const std::string& kind, const std::string& message, std::int64_t count = 1) {
+    Entry& entry = entries_[kind];
+    if (entry.count == 0) entry.first_message = message;
+    entry.count += count;
+  }
+  void merge(const Diagnostics& other) {
+    for (const auto& [kind, entry] : other.entries_) warn(kind, entry.first_message, entry.count);
+  }
+  [[nodiscard]] const std::map<std::string, Entry>& entries() const { return entries_; }
+
+ private:
+  std::map<std::string, Entry> entries_;
+};
+
+}  // namespace idol

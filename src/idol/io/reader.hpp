@@ -1,0 +1,45 @@
+// Recordings as streams: packets of events and IMU samples in time order, in bounded memory.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "idol/base/diagnostics.hpp"
+#include "idol/base/types.hpp"
+
+namespace idol {
+
+struct ReaderOptions {
+  int width = 0;                  ///< sensor size, to refuse pixels outside; 0 = unknown, nothing refused
+  int height = 0;
+  double from_s = 0;              ///< span to read, seconds from the recording's first stamp
+  double to_s = 1e30;
+  bool need_imu = true;           ///< false: events alone
+  std::size_t packet_events = 16384;
+};
+
+/// A recording being read. next() yields packets until the end, then nullopt; on damage it throws
+/// DataError *after* everything before the damage was delivered.
+class Reader {
+ public:
+  virtual ~Reader() = default;
+  virtual std::optional<Packet> next() = 0;
+  /// First stamp of the recording (earliest of all streams), before any span was cut.
+  [[nodiscard]] virtual Time first_stamp() const = 0;
+  /// Share of the input consumed so far in [0, 1], for progress bars.
+  [[nodiscard]] virtual double progress() const = 0;
+  [[nodiscard]] virtual const Diagnostics& diagnostics() const = 0;
+};
+
+/// Opens a recording, whatever its format (by content). Throws DataError.
+std::unique_ptr<Reader> open_reader(const std::filesystem::path& path, const ReaderOptions& options);
+
+/// Ground truth that lies beside the recording (pose of the camera), if any.
+std::optional<Trajectory> read_groundtruth(const std::filesystem::path& sequence);
+
+}  // namespace idol
