@@ -1,0 +1,1 @@
+#include "idol/base/rig.hpp"
