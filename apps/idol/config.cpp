@@ -1,11 +1,23 @@
+#include <fmt/format.h>
+
+#include "arguments.hpp"
 #include "commands.hpp"
-#include "idol/base/diagnostics.hpp"
 
 namespace idol::cli {
 
 void add_config(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("config", "to come");
-  command->callback([&action] { action = []() -> int { throw DataError("config: to come"); }; });
+  auto arguments = std::make_shared<OptionArguments>();
+  auto* command = app.add_subcommand("config", "Print every option with its value and meaning, as a file for --config");
+  arguments->declare(*command);
+  command->callback([&action, arguments] {
+    action = [arguments] {
+      Options options = arguments->resolve();
+      std::vector<OptionField> fields;
+      list_fields(options, fields);
+      fmt::print("{}", dump_options(fields));
+      return 0;
+    };
+  });
 }
 
 }  // namespace idol::cli

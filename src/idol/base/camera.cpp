@@ -1,12 +1,32 @@
 #include "idol/base/camera.hpp"
 
+#include <fmt/format.h>
 #include <Eigen/LU>
 #include <cmath>
-#include <fmt/format.h>
 
 #include "idol/base/diagnostics.hpp"
 
 namespace idol {
+namespace {
+
+/// True if the lens's radius grows all the way from the centre to the normalised radius `r`: beyond a fold of
+/// the polynomial Newton finds points that no lens images there.
+bool grows_up_to(const Camera& camera, double r) {
+  const auto& k = camera.coeffs;
+  const bool equidistant = camera.distortion == Distortion::kEquidistant;
+  const double last = equidistant ? std::atan(r) : r;
+  constexpr int kSteps = 16;
+  for (int i = 1; i <= kSteps; ++i) {
+    const double s = last * i / kSteps;
+    const double s2 = s * s;
+    const double slope = equidistant ? 1 + s2 * (3 * k[0] + s2 * (5 * k[1] + s2 * (7 * k[2] + s2 * 9 * k[3])))
+                                     : 1 + s2 * (3 * k[0] + s2 * (5 * k[1] + s2 * 7 * k[4]));
+    if (!(slope > 0)) return false;
+  }
+  return true;
+}
+
+}  // namespace
 
 Vec2 Camera::distort(const Vec2& n) const {
   const auto& k = coeffs;
@@ -42,10 +62,11 @@ Vec2 Camera::undistort(const Vec2& raw_px) const {
     if (!(step.norm() < longest)) step *= longest / step.norm();
     n -= step;
   }
-  if (!((distort(n) - raw_px).norm() < 1e-3)) {
-    throw DataError(fmt::format("the lens model cannot be inverted at pixel ({}, {}): check the distortion "
-                                "coefficients and the resolution",
-                                raw_px.x(), raw_px.y()));
+  if (!((distort(n) - raw_px).norm() < 1e-3) || !grows_up_to(*this, n.norm())) {
+    throw DataError(
+        fmt::format("the lens model cannot be inverted at pixel ({}, {}): check the distortion "
+                    "coefficients and the resolution",
+                    raw_px.x(), raw_px.y()));
   }
   return {fx * n.x() + cx, fy * n.y() + cy};
 }
@@ -56,7 +77,8 @@ void Camera::check(const std::string& source) const {
   if (!(fx > 0) || !(fy > 0) || !std::isfinite(fx + fy + cx + cy))
     throw DataError(fmt::format("{}: focal lengths must be positive, got fx {} fy {}", source, fx, fy));
   for (double k : coeffs)
-    if (!std::isfinite(k)) throw DataError(fmt::format("{}: a distortion coefficient is not a number", source));
+    if (!std::isfinite(k))
+      throw DataError(fmt::format("{}: a distortion coefficient is not a number", source));
 }
 
 UndistortMap::UndistortMap(int width, int height) : width_(width), height_(height) {

@@ -1,1 +1,208 @@
 #include "idol/base/rig.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <tuple>
+
+#include "idol/base/calibration_files.hpp"
+#include "idol/base/diagnostics.hpp"
+
+namespace idol {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// The files that describe a recording's rig, with what the Kalibr one holds.
+struct Sources {
+  fs::path folder;
+  fs::path kalibr_path;  ///< empty: none
+  fs::path rpg_path;     ///< empty: none
+  bool rpg_first = false;
+  KalibrFile kalibr;
+};
+
+/// An RPG calibration starts with a number, a YAML file with a key.
+bool is_rpg_calibration(const fs::path& path) {
+  std::ifstream in(path);
+  std::string word;
+  return static_cast<bool>(in >> word) && word.find_first_not_of("0123456789+-.eE,") == std::string::npos;
+}
+
+Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
+  Sources sources;
+  sources.folder = fs::is_directory(sequence) ? sequence : sequence.parent_path();
+  if (!rig_path.empty()) {
+    if (!fs::is_regular_file(rig_path))
+      throw DataError(fmt::format("{}: no such rig file", rig_path.string()));
+    sources.rpg_first = is_rpg_calibration(rig_path);
+    (sources.rpg_first ? sources.rpg_path : sources.kalibr_path) = rig_path;
+  }
+  const auto take = [&](fs::path& place, const char* name) {
+    if (place.empty() && fs::exists(sources.folder / name)) place = sources.folder / name;
+  };
+  take(sources.kalibr_path, "camchain-imucam.yaml");
+  take(sources.rpg_path, "calib.txt");
+  if (!sources.kalibr_path.empty()) sources.kalibr = read_kalibr_file(sources.kalibr_path);
+  return sources;
+}
+
+/// Two calibrations that cannot be of the same lens: better asked than guessed.
+void check_agreement(const Sources& sources, const Camera& a, const Camera& b) {
+  constexpr double kTolerance = 0.1;  // far more than two calibrations of one lens differ by
+  if (std::abs(a.fx / b.fx - 1) < kTolerance && std::abs(a.fy / b.fy - 1) < kTolerance) return;
+  throw DataError(
+      fmt::format("{}: focal length {:.1f} px, but {:.1f} px in {}; take the lens (intrinsics, "
+                  "distortion_*) out of the rig file to use calib.txt, or give a rig file of this camera",
+                  sources.kalibr_path.string(), a.fx, b.fx, sources.rpg_path.string()));
+}
+
+void find_resolution(const Sources& sources, Camera& camera, Diagnostics* diagnostics) {
+  camera.width = sources.kalibr.width;
+  camera.height = sources.kalibr.height;
+  if (camera.width > 0) return;
+  fs::path first;
+  std::error_code no_images;
+  for (const auto& entry : fs::directory_iterator(sources.folder / "images", no_images))
+    if (entry.path().extension() == ".png" && (first.empty() || entry.path() < first)) first = entry.path();
+  if (!first.empty()) std::tie(camera.width, camera.height) = png_size(first);
+  if (camera.width > 0) return;
+  constexpr int kDavis240Width = 240;
+  constexpr int kDavis240Height = 180;
+  constexpr double kLargestOffset = 30;  // [px]; no other common sensor has its centre so near
+  if (std::abs(camera.cx - kDavis240Width / 2) > kLargestOffset) return;
+  if (std::abs(camera.cy - kDavis240Height / 2) > kLargestOffset) return;
+  camera.width = kDavis240Width;
+  camera.height = kDavis240Height;
+  if (diagnostics == nullptr) return;
+  diagnostics->warn(
+      "assumed_resolution",
+      fmt::format("{}: says nothing of the resolution; 240 x 180 assumed from the principal point. A "
+                  "rig file with 'resolution' under 'cam0' settles it",
+                  sources.rpg_path.string()));
+}
+
+std::optional<Camera> camera_of(const Sources& sources, Diagnostics* diagnostics) {
+  std::optional<Camera> rpg;
+  if (!sources.rpg_path.empty()) rpg = read_rpg_calibration(sources.rpg_path);
+  std::optional<Camera> camera = sources.kalibr.camera;
+  fs::path path = sources.kalibr_path;
+  if (rpg && camera && !sources.rpg_first) check_agreement(sources, *camera, *rpg);
+  if (rpg && (!camera || sources.rpg_first)) {
+    camera = rpg;
+    path = sources.rpg_path;
+  }
+  if (!camera) return std::nullopt;
+  if (camera->width == 0) find_resolution(sources, *camera, diagnostics);
+  if (camera->width == 0) return camera;
+  camera->check(path.string());
+  try {
+    for (const double x : {0, camera->width - 1})
+      for (const double y : {0, camera->height - 1}) static_cast<void>(camera->undistort({x, y}));
+  } catch (const DataError& e) {
+    throw DataError(fmt::format("{}: {}", path.string(), e.what()));
+  }
+  return camera;
+}
+
+ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
+  const auto read = [](const fs::path& path) {
+    const KalibrFile file = read_kalibr_file(path);
+    if (!file.imu) {
+      throw DataError(
+          fmt::format("{}:1: no IMU noise in this file (accelerometer_noise_density and the other keys of "
+                      "Kalibr's imu.yaml)",
+                      path.string()));
+    }
+    return *file.imu;
+  };
+  if (!imu_path.empty()) return read(imu_path);
+  if (sources.kalibr.imu) return *sources.kalibr.imu;
+  for (const fs::path& folder : {sources.folder, sources.kalibr_path.parent_path()})
+    if (fs::exists(folder / "imu.yaml")) return read(folder / "imu.yaml");
+  throw DataError(
+      fmt::format("{}: no IMU noise: neither here nor in an imu.yaml beside the recording; give Kalibr's "
+                  "imu.yaml with --imu-rig, or add its keys to this file",
+                  sources.kalibr_path.string()));
+}
+
+}  // namespace
+
+Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path& imu_path,
+             Diagnostics* diagnostics) {
+  const Sources sources = find_sources(sequence, rig_path);
+  if (sources.kalibr_path.empty() && sources.rpg_path.empty()) {
+    throw DataError(
+        fmt::format("{}: no calibration here (camchain-imucam.yaml, or calib.txt for the camera); give a "
+                    "rig file with --rig",
+                    sources.folder.string()));
+  }
+  if (!sources.kalibr.T_i_c) {
+    const fs::path& path = sources.kalibr_path.empty() ? sources.rpg_path : sources.kalibr_path;
+    throw DataError(
+        fmt::format("{}:1: no extrinsics: where the camera sits on the IMU (cam0: T_cam_imu) is not said; "
+                    "give a rig file that has it with --rig",
+                    path.string()));
+  }
+  Rig rig;
+  rig.T_i_c = *sources.kalibr.T_i_c;
+  rig.time_offset_s = sources.kalibr.time_offset_s.value_or(0.0);
+  const std::optional<Camera> camera = camera_of(sources, diagnostics);
+  if (!camera) {
+    throw DataError(
+        fmt::format("{}:1: no lens: neither 'intrinsics' under 'cam0' nor a calib.txt beside the recording",
+                    sources.kalibr_path.string()));
+  }
+  if (camera->width == 0) {
+    throw DataError(
+        fmt::format("{}:1: the sensor's resolution is not known; add 'resolution: [width, height]' under "
+                    "'cam0'",
+                    sources.kalibr_path.string()));
+  }
+  rig.camera = *camera;
+  rig.imu = imu_of(sources, imu_path);
+  return rig;
+}
+
+std::optional<Camera> find_camera(const fs::path& sequence, const fs::path& rig_path,
+                                  Diagnostics* diagnostics) {
+  return camera_of(find_sources(sequence, rig_path), diagnostics);
+}
+
+std::string rig_to_yaml(const Rig& rig) {
+  const Camera& c = rig.camera;
+  const Pose T_c_i = rig.T_i_c.inverse();
+  const Mat3 R = T_c_i.R();
+  std::string text =
+      "# t_imu = t_camera + timeshift_cam_imu; T_cam_imu maps points of the IMU to the camera\ncam0:\n";
+  text += "  T_cam_imu:\n";
+  for (int r = 0; r < 3; ++r)
+    text += fmt::format("  - [{}, {}, {}, {}]\n", R(r, 0), R(r, 1), R(r, 2), T_c_i.p[r]);
+  text += "  - [0, 0, 0, 1]\n  camera_model: pinhole\n";
+  text += fmt::format("  intrinsics: [{}, {}, {}, {}]\n", c.fx, c.fy, c.cx, c.cy);
+  const auto& k = c.coeffs;
+  switch (c.distortion) {
+    case Distortion::kNone:
+      text += "  distortion_model: none\n  distortion_coeffs: []\n";
+      break;
+    case Distortion::kRadTan:
+      text += "  distortion_model: radtan\n";
+      text += fmt::format("  distortion_coeffs: [{}, {}, {}, {}, {}]\n", k[0], k[1], k[2], k[3], k[4]);
+      break;
+    case Distortion::kEquidistant:
+      text += "  distortion_model: equidistant\n";
+      text += fmt::format("  distortion_coeffs: [{}, {}, {}, {}]\n", k[0], k[1], k[2], k[3]);
+      break;
+  }
+  text +=
+      fmt::format("  resolution: [{}, {}]\n  timeshift_cam_imu: {}\n", c.width, c.height, rig.time_offset_s);
+  text += fmt::format("accelerometer_noise_density: {}\naccelerometer_random_walk: {}\n",
+                      rig.imu.accel_density, rig.imu.accel_walk);
+  text += fmt::format("gyroscope_noise_density: {}\ngyroscope_random_walk: {}\nupdate_rate: {}\n",
+                      rig.imu.gyro_density, rig.imu.gyro_walk, rig.imu.rate_hz);
+  return text;
+}
+
+}  // namespace idol

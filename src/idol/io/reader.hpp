@@ -15,16 +15,20 @@
 namespace idol {
 
 struct ReaderOptions {
-  int width = 0;                  ///< sensor size, to refuse pixels outside; 0 = unknown, nothing refused
+  int width = 0;  ///< sensor size, to refuse pixels outside; 0 = unknown, nothing refused
   int height = 0;
-  double from_s = 0;              ///< span to read, seconds from the recording's first stamp
+  double from_s = 0;  ///< span to read, seconds from the recording's first stamp
   double to_s = 1e30;
-  bool need_imu = true;           ///< false: events alone
+  bool need_imu = true;         ///< false: events alone
+  bool imu_if_present = false;  ///< with need_imu false: the IMU too, where there is one
   std::size_t packet_events = 16384;
 };
 
 /// A recording being read. next() yields packets until the end, then nullopt; on damage it throws
 /// DataError *after* everything before the damage was delivered.
+/// A packet with events carries, or follows, the IMU samples up to the first one after its last event, as far
+/// as there are any; it may also carry IMU samples alone. The IMU's tail comes after the last events. Around
+/// a cut span, IMU samples of 0.1 s before and after it are delivered too.
 class Reader {
  public:
   virtual ~Reader() = default;

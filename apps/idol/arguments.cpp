@@ -1,0 +1,59 @@
+#include "arguments.hpp"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <cstdio>
+
+namespace idol::cli {
+namespace {
+
+volatile std::sig_atomic_t interrupt_count = 0;
+
+void on_interrupt(int) {
+  interrupt_count = interrupt_count + 1;
+  // A second Ctrl-C ends the program at once.
+  std::signal(SIGINT, SIG_DFL);
+}
+
+}  // namespace
+
+void OptionArguments::declare(CLI::App& command) {
+  command.add_option("--preset", preset, "set of options to start from: paper")->capture_default_str();
+  command.add_option("--config", config, "YAML file of options ('idol config' prints one)");
+  command.add_option("--set", set, "one option, group.name=value; may be repeated")
+      ->allow_extra_args(false)
+      ->expected(1, CLI::detail::expected_max_vector_size);
+}
+
+Options OptionArguments::resolve() const {
+  if (preset != "paper")
+    throw UsageError(fmt::format("--preset {}: unknown; there is: paper", preset));
+  Options options;
+  std::vector<OptionField> fields;
+  list_fields(options, fields);
+  if (!config.empty()) load_options(fields, config);
+  for (const auto& assignment : set) {
+    const auto equals = assignment.find('=');
+    if (equals == std::string::npos)
+      throw UsageError(fmt::format("--set {}: expected group.name=value", assignment));
+    set_option(fields, assignment.substr(0, equals), assignment.substr(equals + 1), "--set");
+  }
+  return options;
+}
+
+void SpanArguments::declare(CLI::App& command) {
+  command.add_option("--from", from_s, "start, seconds from the recording's first stamp")->check(CLI::NonNegativeNumber);
+  command.add_option("--to", to_s, "end, seconds from the recording's first stamp")->check(CLI::NonNegativeNumber);
+}
+
+bool interrupted() { return interrupt_count > 0; }
+void install_interrupt_handler() { std::signal(SIGINT, on_interrupt); }
+
+void print_warnings(const Diagnostics& diagnostics) {
+  for (const auto& [kind, entry] : diagnostics.entries())
+    fmt::print(stderr, "idol: warning: {}{}\n", entry.first_message,
+               entry.count > 1 ? fmt::format(" ({} times)", entry.count) : "");
+}
+
+}  // namespace idol::cli

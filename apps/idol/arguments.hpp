@@ -1,0 +1,39 @@
+// Arguments that several subcommands share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "idol/odometry/odometry.hpp"
+
+namespace idol::cli {
+
+/// --preset, --config and --set, applied in this order.
+struct OptionArguments {
+  std::string preset = "paper";
+  std::string config;
+  std::vector<std::string> set;
+
+  void declare(CLI::App& command);
+  /// Throws UsageError on an unknown preset or key, a bad value, or an unreadable file.
+  [[nodiscard]] Options resolve() const;
+};
+
+/// --from and --to [s from the recording's first stamp].
+struct SpanArguments {
+  double from_s = 0;
+  double to_s = 1e30;
+
+  void declare(CLI::App& command);
+};
+
+/// True once Ctrl-C was pressed, after install_interrupt_handler().
+bool interrupted();
+void install_interrupt_handler();
+constexpr int kExitInterrupted = 130;
+
+/// Prints each kind of oddity once, with its count, to standard error.
+void print_warnings(const Diagnostics& diagnostics);
+
+}  // namespace idol::cli

@@ -1,0 +1,171 @@
+#include "run_recorder.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "idol/io/trajectory_io.hpp"
+
+namespace idol::cli {
+namespace {
+
+constexpr std::size_t kMaxSnapshots = 12;
+constexpr int kPictureScale = 3;
+
+// Times of multiples of the period in (after, until].
+std::vector<Time> ticks(Time after, Time until, double rate_hz) {
+  const auto period = static_cast<Time>(kNsPerS / rate_hz);
+  std::vector<Time> out;
+  for (Time t = (after / period + 1) * period; t <= until; t += period) out.push_back(t);
+  return out;
+}
+
+Trajectory poses(const std::vector<NavState>& states, const Pose& T_i_body) {
+  Trajectory out;
+  for (const auto& s : states) out.push_back({s.t, s.T_w_i * T_i_body});
+  return out;
+}
+
+double peak_rss_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+void write_text(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream out(path, std::ios::binary);
+  out << text << std::flush;
+  if (!out) throw DataError(fmt::format("{}: cannot be written (disk full, or no permission?)", path.string()));
+}
+
+}  // namespace
+
+RunRecorder::RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz)
+    : dir_(std::move(dir)), rig_(rig), rate_hz_(rate_hz), undistort_(rig.camera) {}
+
+void RunRecorder::add(const Estimate& e) {
+  if (rate_hz_ > 0) {
+    const Time after = causal_.empty() ? e.window.begin - 1 : causal_.back().t;
+    for (Time t : ticks(after, e.state.t, rate_hz_)) causal_.push_back(e.smoother.state_at(t));
+  } else {
+    causal_.push_back(e.state);
+  }
+  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end), e.window.events.size() - e.window.overlap,
+                   e.segments.segments.size(), e.stats, e.segment_s, e.integrate_s, e.solve_s});
+  if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
+}
+
+// Events of about three pixels of motion around the window's middle, and the lines where they were then.
+void RunRecorder::take_snapshot(const Estimate& e) {
+  if (snapshots_.size() == kMaxSnapshots) {
+    // Keep every other one and go on at half the pace: evenly spread, however long the run.
+    for (std::size_t i = 0; 2 * i < snapshots_.size(); ++i) snapshots_[i] = std::move(snapshots_[2 * i]);
+    snapshots_.resize((snapshots_.size() + 1) / 2);
+    snapshot_every_ *= 2;
+    if ((rows_.size() - 1) % snapshot_every_ != 0) return;
+  }
+  Snapshot shot;
+  shot.window = rows_.size() - 1;
+  shot.t = (e.window.begin + e.window.end) / 2;
+  const Time half = from_seconds(1.5 * e.segments.c_s_per_px);
+  for (std::size_t i = e.window.overlap; i < e.window.events.size(); ++i) {
+    const Event& event = e.window.events[i];
+    if (std::abs(event.t - shot.t) <= half)
+      shot.events.push_back({undistort_(event.x, event.y), e.segments.ids[i], event.polarity});
+  }
+  const Pose T_c_w = (e.smoother.state_at(shot.t).T_w_i * rig_.T_i_c).inverse();
+  for (const Line& line : e.smoother.lines()) {
+    if (line.last < e.window.end) continue;
+    const Vec3 a = T_c_w * line.a, b = T_c_w * line.b;
+    if (a.z() > 0.05 && b.z() > 0.05)
+      shot.lines.push_back({rig_.camera.project(a), rig_.camera.project(b), line.id});
+  }
+  snapshots_.push_back(std::move(shot));
+}
+
+void RunRecorder::write(const Odometry& odometry, const Summary& summary) const {
+  if (odometry.started()) {
+    write_trajectories(odometry);
+    write_windows();
+    write_pictures();
+  }
+  write_stats(odometry, summary);
+}
+
+void RunRecorder::write_trajectories(const Odometry& odometry) const {
+  const Smoother& smoother = odometry.smoother();
+  std::vector<NavState> smoothed = smoother.states();
+  if (rate_hz_ > 0) {
+    smoothed.clear();
+    for (Time t : ticks(smoother.states().front().t - 1, smoother.latest().t, rate_hz_))
+      smoothed.push_back(smoother.state_at(t));
+  }
+  write_trajectory(dir_ / "trajectory_imu.txt", poses(smoothed, Pose()));
+  write_trajectory(dir_ / "trajectory_camera.txt", poses(smoothed, rig_.T_i_c));
+  write_trajectory(dir_ / "trajectory_imu_causal.txt", poses(causal_, Pose()));
+  write_trajectory(dir_ / "trajectory_camera_causal.txt", poses(causal_, rig_.T_i_c));
+  write_states(dir_ / "states.csv", smoother.states());
+  const auto lines = smoother.lines();
+  write_lines_csv(dir_ / "lines.csv", lines);
+  write_lines_ply(dir_ / "lines.ply", lines);
+}
+
+void RunRecorder::write_windows() const {
+  std::string text = "t,duration_s,events,segments,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
+  for (const auto& r : rows_)
+    text += fmt::format("{},{:.6f},{},{},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t), r.duration_s,
+                        r.events, r.segments, r.stats.lines, r.stats.residuals, r.stats.iterations, r.stats.cost,
+                        r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
+  write_text(dir_ / "windows.csv", text);
+}
+
+void RunRecorder::write_pictures() const {
+  const auto folder = dir_ / "pictures";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  for (const auto& shot : snapshots_) {
+    const double t = seconds_between(snapshots_.front().t, shot.t);
+    write_png(folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
+              draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines, kPictureScale));
+  }
+}
+
+void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) const {
+  const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+  Row total;
+  std::int64_t iterations = 0, peak_residuals = 0;
+  for (const auto& r : rows_) {
+    total.duration_s += r.duration_s;
+    total.segment_s += r.segment_s;
+    total.integrate_s += r.integrate_s;
+    total.solve_s += r.solve_s;
+    iterations += r.stats.iterations;
+    peak_residuals = std::max<std::int64_t>(peak_residuals, r.stats.residuals);
+  }
+  nlohmann::ordered_json stats;
+  stats["version"] = IDOL_VERSION;
+  stats["sequence"] = summary.sequence;
+  stats["preset"] = summary.preset;
+  stats["status"] = summary.status;
+  stats["events"] = summary.events;
+  stats["duration_s"] = total.duration_s;
+  stats["wall_s"] = wall;
+  stats["realtime_factor"] = wall > 0 ? total.duration_s / wall : 0;
+  stats["peak_rss_mb"] = peak_rss_mb();
+  stats["stages"] = {{"read", summary.read_s}, {"segment", total.segment_s}, {"integrate", total.integrate_s},
+                     {"solve", total.solve_s}};
+  stats["windows"] = rows_.size();
+  stats["lines"] = odometry.started() ? odometry.smoother().lines().size() : 0;
+  stats["residuals"] = peak_residuals;
+  stats["solver_iterations"] = iterations;
+  stats["warnings"] = nlohmann::ordered_json::object();
+  for (const auto& [kind, entry] : summary.diagnostics.entries())
+    stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};
+  write_text(dir_ / "stats.json", stats.dump(2) + "\n");
+}
+
+}  // namespace idol::cli

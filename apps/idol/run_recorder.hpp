@@ -1,0 +1,65 @@
+// What a run leaves behind: collected while it goes, written at its end (or at its failure).
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "idol/odometry/odometry.hpp"
+#include "idol/report/picture.hpp"
+
+namespace idol::cli {
+
+class RunRecorder {
+ public:
+  /// `rate_hz` 0: one pose an estimate; else both trajectories are sampled at this rate.
+  RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz);
+
+  void add(const Estimate& estimate);
+
+  struct Summary {
+    std::string sequence, preset, status;  ///< status: "done", "interrupted", or the error's text
+    std::int64_t events = 0;
+    double read_s = 0;
+    Diagnostics diagnostics;
+  };
+  /// Writes everything but config, rig, ground truth and report. Throws DataError when the disk refuses.
+  void write(const Odometry& odometry, const Summary& summary) const;
+
+  [[nodiscard]] std::size_t windows() const { return rows_.size(); }
+  [[nodiscard]] int lines() const { return rows_.empty() ? 0 : rows_.back().stats.lines; }
+
+ private:
+  struct Row {
+    Time t = 0;
+    double duration_s = 0;
+    std::size_t events = 0, segments = 0;
+    SolveStats stats;
+    double segment_s = 0, integrate_s = 0, solve_s = 0;
+  };
+  struct Snapshot {
+    std::size_t window = 0;
+    Time t = 0;
+    std::vector<PictureEvent> events;
+    std::vector<PictureLine> lines;
+  };
+
+  void take_snapshot(const Estimate& estimate);
+  void write_trajectories(const Odometry& odometry) const;
+  void write_windows() const;
+  void write_pictures() const;
+  void write_stats(const Odometry& odometry, const Summary& summary) const;
+
+  std::filesystem::path dir_;
+  Rig rig_;
+  double rate_hz_;
+  UndistortMap undistort_;
+  std::vector<NavState> causal_;
+  std::vector<Row> rows_;
+  std::vector<Snapshot> snapshots_;
+  std::size_t snapshot_every_ = 1;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace idol::cli

@@ -1,0 +1,80 @@
+// The paper's residuals (IV) as pure functions with analytic Jacobians; no solver in sight.
+// Tangent order of a state: [p, theta, v, b_g, b_a], rotation perturbed on the right: R Exp(dtheta).
+#pragma once
+
+#include <Eigen/Core>
+
+#include "idol/base/camera.hpp"
+#include "idol/base/types.hpp"
+#include "idol/imu/preintegration.hpp"
+
+namespace idol {
+
+using RowVec3 = Eigen::Matrix<double, 1, 3>;
+using StateRow = Eigen::Matrix<double, 1, 15>;
+using LineRow = Eigen::Matrix<double, 1, 6>;
+
+/// An event with what the IMU says about its time: undistorted pixel and motion since the window's begin.
+struct EventMeasurement {
+  Vec2 px = Vec2::Zero();
+  Preintegrated motion;
+};
+
+/// A 3D segment by its two ends in the world (paper eq. 2).
+struct LineEnds {
+  Vec3 a = Vec3::Zero();
+  Vec3 b = Vec3::Zero();
+};
+
+/// What the event factors need besides states: how to get from the world into the image.
+struct Projection {
+  Camera camera;
+  Pose T_i_c;
+  Vec3 gravity = Vec3(0, 0, -9.81);  ///< [m/s^2]
+};
+
+/// A point of the world in the camera at an event's time, with Jacobians to state and point.
+struct PointInCamera {
+  Vec3 x = Vec3::Zero();
+  Eigen::Matrix<double, 3, 15> d_x_d_state = Eigen::Matrix<double, 3, 15>::Zero();
+  Mat3 d_x_d_point = Mat3::Zero();
+};
+
+/// x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from paper eq. 4. `linearised_at`: biases of the preintegration.
+PointInCamera to_camera(const Vec3& point_w, const NavState& state, const Preintegrated& motion,
+                        const ImuBias& linearised_at, const Projection& projection);
+
+/// One row: value [px], Jacobians.
+struct LineResidual {
+  double value = 0;
+  StateRow d_state = StateRow::Zero();
+  LineRow d_line = LineRow::Zero();
+  bool valid = false;
+};
+
+/// Signed distance of an event from the projected line [px] (paper IV-A). Written with the normal of the plane through
+/// the line and the camera's centre, n = x_a x x_b: equal to the paper's cross product in the image, and still
+/// right when an end is behind the camera. Invalid when the plane's normal vanishes.
+LineResidual event_to_line(const EventMeasurement& event, const PointInCamera& a, const PointInCamera& b,
+                           const Camera& camera);
+
+/// Distance along the line by which an event lies beyond the nearer end [px], zero in between (paper IV-B). Zero and
+/// valid = false when an end is not in front of the camera.
+LineResidual repulsion(const EventMeasurement& event, const PointInCamera& a, const PointInCamera& b,
+                       const Camera& camera);
+
+/// Square root of the projected length [sqrt px] (paper IV-B). Invalid when an end is not in front of the camera.
+LineResidual attraction(const PointInCamera& a, const PointInCamera& b, const Camera& camera);
+
+/// IMU residual [p, R, v] between two states (paper IV-C; order of rows as our tangent order), unwhitened.
+struct ImuResidual {
+  Eigen::Matrix<double, 9, 1> value;
+  Eigen::Matrix<double, 9, 15> d_from, d_to;
+};
+ImuResidual imu_residual(const NavState& from, const NavState& to, const Preintegrated& motion,
+                         const ImuBias& linearised_at, const Vec3& gravity);
+
+/// Change of the biases [gyro, accelerometer] between two windows (paper IV-C), unwhitened; its Jacobians are -I and I.
+Eigen::Matrix<double, 6, 1> bias_residual(const ImuBias& from, const ImuBias& to);
+
+}  // namespace idol

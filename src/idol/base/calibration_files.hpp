@@ -1,0 +1,33 @@
+// The calibration files of Kalibr and of the RPG event-camera recordings, each read for what it holds.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "idol/base/camera.hpp"
+#include "idol/base/lie.hpp"
+#include "idol/base/rig.hpp"
+
+namespace idol {
+
+/// What one Kalibr file holds of a rig: a camchain, an imu.yaml, or both in one file. Resolution and lens are
+/// apart, since a rig file may give the one and leave the other to calib.txt.
+struct KalibrFile {
+  std::optional<Camera> camera;  ///< lens; its resolution is 0 x 0 if the file has none
+  int width = 0, height = 0;     ///< 0: not in the file
+  std::optional<Pose> T_i_c;
+  std::optional<double> time_offset_s;
+  std::optional<ImuNoise> imu;
+};
+
+/// Reads what the file holds. Throws DataError with file and line for what it holds but makes no sense.
+KalibrFile read_kalibr_file(const std::filesystem::path& path);
+
+/// RPG calib.txt: fx fy cx cy k1 k2 p1 p2 k3; resolution 0 x 0. Throws DataError.
+Camera read_rpg_calibration(const std::filesystem::path& path);
+
+/// Width and height of a PNG file [px], {0, 0} if it is none.
+std::pair<int, int> png_size(const std::filesystem::path& path);
+
+}  // namespace idol

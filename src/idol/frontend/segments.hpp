@@ -1,0 +1,91 @@
+// The paper's front-end (V): local normals, region growing, links between windows; then the test that a cluster is a
+// straight moving line.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "idol/base/camera.hpp"
+#include "idol/base/options.hpp"
+#include "idol/base/types.hpp"
+#include "idol/frontend/moving_line.hpp"
+#include "idol/frontend/windower.hpp"
+
+namespace idol {
+
+struct SegmentOptions {
+  double radius_px = 3.0;
+  double c_s_per_px = 0;
+  int min_neighbours = 8;
+  double min_planarity = 0.5;
+  double normal_threshold = 0.95;
+  double distance_threshold_px = 1.0;
+  bool same_polarity = true;
+  int min_events = 40;
+  double min_length_px = 12;
+  double gate_px = 2.0;
+  double max_rms_px = 1.0;
+  double max_bow_px = 0.8;
+  double min_inliers = 0.7;
+
+  template <class Self, class Visitor>
+  static void fields(Self& self, Visitor&& visit) {
+    visit("radius_px", self.radius_px, Range{1, 10}, "neighbourhood in (x, y, t/c) (paper V)");
+    visit("c_s_per_px", self.c_s_per_px, Range{0, 1},
+          "time that counts as one pixel, c in the paper (V) [s/px]; 0: from the image speed measured in the window before");
+    visit("min_neighbours", self.min_neighbours, Range{3, 1000}, "events needed for a normal, the event itself included");
+    visit("min_planarity", self.min_planarity, Range{0, 1}, "1 - smallest/middle eigenvalue below this: no normal");
+    visit("normal_threshold", self.normal_threshold, Range{0, 1}, "n_thr: cosine between normals of one line (paper V)");
+    visit("distance_threshold_px", self.distance_threshold_px, Range{0.1, 10},
+          "e_thr: distance of an event from its neighbour's line (paper V) [px]");
+    visit("same_polarity", self.same_polarity, Range{}, "grow segments of one polarity only (the paper ignores polarity)");
+    visit("min_events", self.min_events, Range{8, 1e6}, "events needed for a segment");
+    visit("min_length_px", self.min_length_px, Range{2, 1000}, "shortest segment [px]");
+    visit("gate_px", self.gate_px, Range{0.1, 10}, "events farther from the segment's fitted line are not of it [px]");
+    visit("max_rms_px", self.max_rms_px, Range{0.1, 10}, "a cluster that spreads more is not a line [px]");
+    visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a cluster that bends more is not a line [px]");
+    visit("min_inliers", self.min_inliers, Range{0, 1}, "share of a cluster's events that must lie on the line");
+  }
+};
+
+/// A straight cluster of one window.
+struct Segment {
+  LineId id = kNoLine;                ///< unique over the recording; kept from window to window by the links
+  std::vector<std::uint32_t> events;  ///< indices into the window's events, in time order
+  MovingLine line;                    ///< its fitted line, time in s since the window's begin
+};
+
+struct SegmentedWindow {
+  std::vector<LineId> ids;  ///< one an event of the window (overlap included); kNoLine = none
+  std::vector<Segment> segments;
+  double c_s_per_px = 0;    ///< temporal scale used
+  double speed_px_s = 0;    ///< median image speed along the normals
+};
+
+/// Turns windows into segments, one after the other.
+class Segmenter {
+ public:
+  Segmenter(const SegmentOptions& options, const UndistortMap& undistort);
+  SegmentedWindow process(const EventWindow& window);
+
+ private:
+  struct Cluster {
+    std::vector<std::uint32_t> events;
+    Eigen::Vector2d normal = Eigen::Vector2d::UnitX();
+  };
+
+  [[nodiscard]] std::vector<Segment> fit_segments(const EventWindow& window, const std::vector<Cluster>& clusters) const;
+  void link(const EventWindow& window, std::vector<Segment>& segments);
+  void adapt_scale(double speed_px_s);
+
+  SegmentOptions options_;
+  const UndistortMap* undistort_;
+  double c_;                         // [s/px]
+  LineId next_id_ = 0;
+  std::vector<LineId> overlap_ids_;  // of the previous window's last events, as many as it may hand on
+};
+
+}  // namespace idol

@@ -1,0 +1,98 @@
+// One line of text as one event or one IMU sample.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "idol/base/types.hpp"
+#include "idol/io/number.hpp"
+
+namespace idol {
+
+enum class RowStatus {
+  kGood,
+  kNothing,    ///< blank line or comment
+  kNotFinite,  ///< NaN or infinite: may be skipped when rare
+  kOutside,    ///< pixel outside the sensor: may be skipped when rare
+  kColumns,    ///< wrong number of columns
+  kBroken,     ///< a column is not a number, or one that makes no sense
+};
+
+/// What a row is and, unless it is good, why.
+struct RowResult {
+  RowStatus status = RowStatus::kGood;
+  std::string why = {};
+};
+
+/// "t x y polarity", polarity 0 or -1 for darker, 1 for brighter.
+class EventParser {
+ public:
+  using Row = Event;
+  static constexpr const char* kName = "event";
+  static constexpr bool kEqualStampsAllowed = true;
+
+  EventParser() = default;
+  /// A sensor of `width` x `height` pixels; zero where unknown.
+  EventParser(int width, int height) {
+    if (width > 0) width_ = static_cast<std::uint32_t>(width);
+    if (height > 0) height_ = static_cast<std::uint32_t>(height);
+  }
+
+  /// The row in its usual form; false if it must be looked at with explain().
+  bool parse(std::string_view line, Event& event) const {
+    const char* p = line.data();
+    const char* end = p + line.size();
+    std::uint32_t x = 0;
+    std::uint32_t y = 0;
+    p = parse_plain_stamp(p, end, event.t);
+    if (p == nullptr || !next_pixel(p, end, x) || !next_pixel(p, end, y) || x >= width_ || y >= height_)
+      return false;
+    if (!skip_separators(p, end)) return false;
+    if (*p == '-' && p + 1 != end && p[1] == '1') {
+      event.polarity = false;
+      p += 2;
+    } else if (*p == '0' || *p == '1') {
+      event.polarity = *p == '1';
+      ++p;
+    } else {
+      return false;
+    }
+    event.x = static_cast<std::uint16_t>(x);
+    event.y = static_cast<std::uint16_t>(y);
+    return p == end;
+  }
+  /// The same for any row, slowly: also scientific notation, comments and every kind of damage.
+  RowResult explain(std::string_view line, Event& event) const;
+
+ private:
+  /// At least one separator, and something behind it.
+  static bool skip_separators(const char*& p, const char* end) {
+    const char* start = p;
+    while (p != end && is_separator(*p)) ++p;
+    return p != start && p != end;
+  }
+  static bool next_pixel(const char*& p, const char* end, std::uint32_t& value) {
+    if (!skip_separators(p, end)) return false;
+    const char* start = p;
+    for (value = 0; p != end && is_digit(*p) && p - start < 6; ++p)
+      value = value * 10 + static_cast<std::uint32_t>(*p - '0');
+    return p != start;
+  }
+
+  std::uint32_t width_ = 1 << 16;
+  std::uint32_t height_ = 1 << 16;
+};
+
+/// "t ax ay az gx gy gz" [s, m/s^2, rad/s].
+class ImuParser {
+ public:
+  using Row = ImuSample;
+  static constexpr const char* kName = "imu";
+  static constexpr bool kEqualStampsAllowed = false;
+
+  bool parse(std::string_view, ImuSample&) const { return false; }
+  RowResult explain(std::string_view line, ImuSample& sample) const;
+};
+
+}  // namespace idol

@@ -1,0 +1,169 @@
+#include "idol/odometry/odometry.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace idol {
+namespace {
+
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    return std::chrono::duration<double>(now - std::exchange(last_, now)).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+Odometry::Odometry(const Rig& rig, const Options& options)
+    : rig_(rig), options_(options), undistort_(rig.camera), imu_(options.imu.max_gap_s), windower_(options.window),
+      segmenter_(options.segment, undistort_), smoother_(rig, options.backend) {}
+
+void Odometry::push(const ImuSample& sample) {
+  imu_.push(sample);
+  process_ready(false);
+}
+
+void Odometry::push(std::span<const Event> events) {
+  const Time offset = from_seconds(rig_.time_offset_s);
+  for (Event event : events) {
+    event.t += offset;
+    windower_.push({&event, 1});
+  }
+  process_ready(false);
+}
+
+void Odometry::finish() {
+  process_ready(true);
+  if (auto window = windower_.flush()) {
+    waiting_ = std::move(window);
+    process_ready(true);
+  }
+}
+
+// A window is taken up once the IMU covers it and the margin behind it, however the data were cut into packets.
+void Odometry::process_ready(bool last) {
+  while (waiting_ || (waiting_ = windower_.pop())) {
+    const EventWindow& window = *waiting_;
+    if (imu_.empty()) {
+      if (!last) return;
+    } else if (window.begin < imu_.front_time() && !started_) {
+      diagnostics_.warn("events_before_imu", fmt::format("the IMU starts at {:.3f} s: earlier events are not used",
+                                                         static_cast<double>(imu_.front_time()) / kNsPerS));
+      waiting_.reset();
+      continue;
+    }
+    if (!imu_.covers(window.end, last ? 1 : options_.imu.margin_samples)) {
+      if (!last) return;
+      diagnostics_.warn("imu_ends_early", fmt::format("the IMU ends before the events: nothing is estimated after {:.3f} s",
+                                                      static_cast<double>(window.begin) / kNsPerS));
+      waiting_.reset();
+      continue;
+    }
+    if (!started_ && !start(window, last)) return;
+    process(window);
+    waiting_.reset();
+  }
+}
+
+bool Odometry::start(const EventWindow& window, bool last) {
+  const Time until = window.begin + from_seconds(options_.start.duration_s);
+  if (!imu_.covers(until) && !last) return false;
+  const ImuInit init = initialise_from_imu(imu_.slice(window.begin, until, 0), options_.backend.gravity, options_.start);
+  NavState first;
+  first.t = window.begin;
+  first.T_w_i.q = init.q_w_i;
+  first.bias = init.bias;
+  smoother_.start(first, init.still);
+  started_ = true;
+  still_until_ = init.still ? until : window.begin;
+  if (!init.still)
+    diagnostics_.warn("moving_start", fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
+                                                  "spread {:.2f} m/s^2): the first seconds may be poor",
+                                                  init.gyro_std, init.accel_std));
+  return true;
+}
+
+void Odometry::process(const EventWindow& window) {
+  Stopwatch watch;
+  const NavState& from = smoother_.latest();
+  WindowMeasurement measurement;
+  measurement.imu = std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
+                                                     window.begin, window.end, from.bias, rig_.imu, options_.imu);
+  measurement.still = window.end <= still_until_;
+  double integrate_s = watch.lap();
+  const SegmentedWindow segments = segmenter_.process(window);
+  const double segment_s = watch.lap();
+  measurement.lines = observe(window, segments, *measurement.imu);
+  for (const auto& line : measurement.lines) ++track_windows_[line.id];
+  integrate_s += watch.lap();
+  smoother_.add(std::move(measurement));
+  const SolveStats stats = smoother_.solve();
+  imu_.drop_before(window.end, 2 * options_.imu.margin_samples);
+  if (listener_)
+    listener_({smoother_.latest(), window, segments, smoother_, stats, segment_s, integrate_s, watch.lap()});
+}
+
+// The longest tracks first, then the longest segments; of each, events spread evenly over its time.
+std::vector<LineObservation> Odometry::observe(const EventWindow& window, const SegmentedWindow& segments,
+                                               const Preintegration& imu) const {
+  const auto age = [&](const Segment& s) {
+    const auto it = track_windows_.find(s.id);
+    return it == track_windows_.end() ? 0 : it->second;
+  };
+  std::vector<const Segment*> chosen;
+  for (const auto& segment : segments.segments) chosen.push_back(&segment);
+  std::stable_sort(chosen.begin(), chosen.end(), [&](const Segment* a, const Segment* b) {
+    return std::pair(age(*a), a->line.length_px()) > std::pair(age(*b), b->line.length_px());
+  });
+  if (std::ssize(chosen) > options_.backend.max_lines_per_window)
+    chosen.resize(static_cast<std::size_t>(options_.backend.max_lines_per_window));
+
+  std::vector<LineObservation> out;
+  const auto measure = [&](const Vec2& px, Time t) { return EventMeasurement{px, imu.at(t)}; };
+  for (const Segment* segment : chosen) {
+    // The repeated events belong to the window before; a segment with hardly any of its own is not seen in this one.
+    const auto own = std::lower_bound(segment->events.begin(), segment->events.end(),
+                                      static_cast<std::uint32_t>(window.overlap));
+    const auto count = static_cast<std::size_t>(segment->events.end() - own);
+    const auto wanted = std::min(count, static_cast<std::size_t>(options_.backend.max_events_per_observation));
+    if (wanted < 2) continue;
+    LineObservation observation;
+    observation.id = segment->id;
+    observation.event_count = static_cast<std::int64_t>(count);
+    for (std::size_t k = 0; k < wanted; ++k) {
+      const Event& e = window.events[*(own + static_cast<std::ptrdiff_t>((2 * k + 1) * count / (2 * wanted)))];
+      observation.events.push_back(measure(undistort_(e.x, e.y).cast<double>(), e.t));
+    }
+    const Time middle = window.events[*(own + static_cast<std::ptrdiff_t>(count / 2))].t;
+    const double t = seconds_between(window.begin, middle);
+    observation.end_a = measure(segment->line.point(segment->line.u_min, t), middle);
+    observation.end_b = measure(segment->line.point(segment->line.u_max, t), middle);
+    out.push_back(std::move(observation));
+  }
+  return out;
+}
+
+std::optional<NavState> Odometry::predict_at(Time t) const {
+  if (!started() || imu_.empty() || t > imu_.back_time()) return std::nullopt;
+  const NavState& from = smoother_.latest();
+  if (t <= from.t) return smoother_.state_at(t);
+  const auto samples = imu_.slice(from.t, t, options_.imu.margin_samples);
+  if (samples.size() < 2) return std::nullopt;
+  const Preintegration motion(samples, from.t, t, from.bias, rig_.imu, options_.imu);
+  return predict(from, motion.at(t), motion.bias(), smoother_.projection().gravity);
+}
+
+Diagnostics Odometry::diagnostics() const {
+  Diagnostics all = diagnostics_;
+  all.merge(imu_.diagnostics());
+  return all;
+}
+
+}  // namespace idol

@@ -1,0 +1,93 @@
+// The method on one page: events and IMU readings in, states and lines out.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "idol/backend/smoother.hpp"
+#include "idol/base/diagnostics.hpp"
+#include "idol/base/options.hpp"
+#include "idol/base/rig.hpp"
+#include "idol/base/types.hpp"
+#include "idol/frontend/segments.hpp"
+#include "idol/frontend/windower.hpp"
+#include "idol/imu/imu_buffer.hpp"
+#include "idol/imu/imu_init.hpp"
+
+namespace idol {
+
+struct Options {
+  WindowOptions window;
+  SegmentOptions segment;
+  PreintegrationOptions imu;
+  ImuInitOptions start;
+  BackendOptions backend;
+
+  template <class Self, class Visitor>
+  static void fields(Self& self, Visitor&& visit) {
+    visit("window", self.window, Range{}, "");
+    visit("segment", self.segment, Range{}, "");
+    visit("imu", self.imu, Range{}, "");
+    visit("start", self.start, Range{}, "");
+    visit("backend", self.backend, Range{}, "");
+  }
+};
+
+/// What is known after a window. References are valid during the call that hands it over.
+struct Estimate {
+  NavState state;  ///< at the window's end, as just published
+  const EventWindow& window;
+  const SegmentedWindow& segments;
+  const Smoother& smoother;
+  SolveStats stats;
+  double segment_s = 0, integrate_s = 0, solve_s = 0;  ///< wall time of the stages
+};
+
+class Odometry {
+ public:
+  Odometry(const Rig& rig, const Options& options);
+
+  /// Called after each window, in the thread that pushes.
+  void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
+  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used.
+  void push(const ImuSample& sample);
+  void push(std::span<const Event> events);
+  /// Last, partial window and what waits for IMU data that will not come.
+  void finish();
+
+  [[nodiscard]] const Smoother& smoother() const { return smoother_; }
+  /// True once a window has been estimated.
+  [[nodiscard]] bool started() const { return started_ && smoother_.states().size() > 1; }
+  /// Newest estimate carried to `t` (IMU clock) by the samples present; nullopt before the start or outside the data.
+  [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
+  /// All oddities met so far.
+  [[nodiscard]] Diagnostics diagnostics() const;
+
+ private:
+  void process_ready(bool last);
+  bool start(const EventWindow& window, bool last);
+  void process(const EventWindow& window);
+  [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window, const SegmentedWindow& segments,
+                                                     const Preintegration& imu) const;
+
+  Rig rig_;
+  Options options_;
+  UndistortMap undistort_;
+  ImuBuffer imu_;
+  Windower windower_;
+  Segmenter segmenter_;
+  Smoother smoother_;
+  std::optional<EventWindow> waiting_;
+  bool started_ = false;
+  Time still_until_ = 0;
+  std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
+  std::function<void(const Estimate&)> listener_;
+  Diagnostics diagnostics_;
+};
+
+}  // namespace idol

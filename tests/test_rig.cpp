@@ -1,0 +1,247 @@
+#include "idol/base/rig.hpp"
+
+#include <fmt/format.h>
+
+#include "test_util.hpp"
+
+namespace idol {
+namespace {
+
+using test::TempDir;
+
+const std::string kLens = R"(  camera_model: pinhole
+  distortion_coeffs: [-0.36, 0.15, -0.0003, -0.0007]
+  distortion_model: radtan
+  intrinsics: [199.5, 198.5, 132.25, 110.75]
+)";
+const std::string kMount = R"(  T_cam_imu:
+  - [0.0, 1.0, 0.0, 0.1]
+  - [-1.0, 0.0, 0.0, 0.2]
+  - [0.0, 0.0, 1.0, 0.3]
+  - [0.0, 0.0, 0.0, 1.0]
+)";
+const std::string kRest = "  resolution: [240, 180]\n  timeshift_cam_imu: 0.0025\n";
+const std::string kImu = R"(accelerometer_noise_density: 1.0e-02
+accelerometer_random_walk: 0.0
+gyroscope_noise_density: 2.0e-03
+gyroscope_random_walk: 3.0e-05
+update_rate: 200.0
+)";
+const std::string kRpg = "199.5 198.5 132.25 110.75 -0.36 0.15 -0.0003 -0.0007 0.0\n";
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  const auto at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), by);
+}
+
+std::string error_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const DataError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+void expect_says(const std::string& message, std::initializer_list<std::string> parts) {
+  EXPECT_NE(message, "");
+  for (const std::string& part : parts) EXPECT_NE(message.find(part), std::string::npos) << message;
+}
+
+void expect_the_rig(const Rig& rig) {
+  EXPECT_EQ(rig.camera.width, 240);
+  EXPECT_EQ(rig.camera.height, 180);
+  EXPECT_EQ(rig.camera.fx, 199.5);
+  EXPECT_EQ(rig.camera.cy, 110.75);
+  EXPECT_EQ(rig.camera.distortion, Distortion::kRadTan);
+  EXPECT_EQ(rig.camera.coeffs[3], -0.0007);
+  EXPECT_EQ(rig.time_offset_s, 0.0025);
+  EXPECT_EQ(rig.imu.accel_density, 1e-2);
+  EXPECT_EQ(rig.imu.gyro_walk, 3e-5);
+  EXPECT_EQ(rig.imu.rate_hz, 200);
+  // A point at the IMU's origin is at T_cam_imu's translation in the camera.
+  EXPECT_LT((rig.T_i_c * Vec3(0.1, 0.2, 0.3)).norm(), 1e-12);
+  EXPECT_LT((rig.T_i_c.inverse() * Vec3(1, 0, 0) - Vec3(0.1, -0.8, 0.3)).norm(), 1e-12);
+}
+
+TEST(Rig, KalibrFilesOfTheFolder) {
+  const TempDir dir;
+  dir.write("camchain-imucam.yaml", "cam0:\n" + kMount + kLens + kRest);
+  dir.write("imu.yaml", kImu);
+  expect_the_rig(load_rig(dir.path()));
+  expect_the_rig(load_rig(dir.path() / "events.txt"));
+  dir.write("imu.yaml",
+            "imu0:\n  " + replaced(replaced(replaced(replaced(kImu, "\nacc", "\n  acc"), "\ngyr", "\n  gyr"),
+                                            "\ngyroscope_r", "\n  gyroscope_r"),
+                                   "\nupd", "\n  upd"));
+  expect_the_rig(load_rig(dir.path()));
+}
+
+TEST(Rig, OneFileWithBothAndFilesByPath) {
+  const TempDir dir;
+  const TempDir elsewhere;
+  expect_the_rig(
+      load_rig(dir.path(), elsewhere.write("both.yaml", "cam0:\n" + kMount + kLens + kRest + kImu)));
+  const auto chain = elsewhere.write("chain.yaml", "cam0:\n" + kMount + kLens + kRest);
+  expect_the_rig(load_rig(dir.path(), chain, elsewhere.write("noise.yaml", kImu)));
+  expect_says(error_of([&] { load_rig(dir.path(), elsewhere.path() / "absent.yaml"); }),
+              {"absent.yaml", "no such"});
+  expect_says(error_of([&] { load_rig(dir.path(), chain, elsewhere.path() / "absent.yaml"); }),
+              {"absent.yaml"});
+}
+
+TEST(Rig, RpgCalibrationForTheLensAndARigFileForTheRest) {
+  const TempDir dir;
+  const TempDir elsewhere;
+  dir.write("calib.txt", kRpg);
+  expect_the_rig(load_rig(dir.path(), elsewhere.write("rest.yaml", "cam0:\n" + kMount + kRest + kImu)));
+  // A rig file with another lens must not win silently, nor lose.
+  const std::string other = replaced(kLens, "199.5, 198.5", "335.0, 335.0");
+  expect_says(error_of([&] {
+                load_rig(dir.path(), elsewhere.write("o.yaml", "cam0:\n" + kMount + other + kRest + kImu));
+              }),
+              {"o.yaml", "335.0", "199.5", "calib.txt"});
+}
+
+TEST(Rig, ResolutionOfAnRpgCalibration) {
+  const TempDir dir;
+  dir.write("calib.txt", kRpg);
+  Diagnostics diagnostics;
+  const auto assumed = find_camera(dir.path(), {}, &diagnostics);
+  EXPECT_EQ(assumed->width, 240);
+  EXPECT_EQ(diagnostics.entries().count("assumed_resolution"), 1u);
+
+  dir.write("calib.txt", replaced(kRpg, "132.25 110.75", "170 130"));
+  EXPECT_EQ(find_camera(dir.path())->width, 0);
+  const auto rig = dir.write("rest.yaml", "cam0:\n" + kMount + kImu);
+  expect_says(error_of([&] { load_rig(dir.path(), rig); }), {"resolution"});
+  std::filesystem::create_directory(dir.path() / "images");
+  dir.write("images/frame_0.png", std::string("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x01\x5a\0\0\x01\x04", 24));
+  EXPECT_EQ(load_rig(dir.path(), rig).camera.width, 346);
+  EXPECT_EQ(load_rig(dir.path(), rig).camera.height, 260);
+  dir.write("rest.yaml", "cam0:\n" + kMount + "  resolution: [320, 240]\n" + kImu);
+  EXPECT_EQ(load_rig(dir.path(), rig).camera.width, 320);
+}
+
+TEST(Rig, CameraAlone) {
+  const TempDir dir;
+  EXPECT_EQ(find_camera(dir.path()), std::nullopt);
+  const TempDir elsewhere;
+  const auto rpg = elsewhere.write("my_calib.txt", kRpg);
+  EXPECT_EQ(find_camera(dir.path(), rpg)->fx, 199.5);
+  EXPECT_EQ(find_camera(dir.path(), elsewhere.write("c.yaml", "cam0:\n" + kLens + kRest))->cx, 132.25);
+}
+
+TEST(Rig, IncompleteRigsSayWhatIsMissing) {
+  const TempDir dir;
+  expect_says(error_of([&] { load_rig(dir.path()); }), {"no calibration", "--rig"});
+  dir.write("calib.txt", kRpg);
+  expect_says(error_of([&] { load_rig(dir.path()); }), {"calib.txt", "no extrinsics", "--rig"});
+  dir.write("camchain-imucam.yaml", "cam0:\n" + kLens + kRest);
+  expect_says(error_of([&] { load_rig(dir.path()); }),
+              {"camchain-imucam.yaml", "no extrinsics", "T_cam_imu"});
+  dir.write("camchain-imucam.yaml", "cam0:\n" + kMount + kLens + kRest);
+  expect_says(error_of([&] { load_rig(dir.path()); }), {"no IMU noise", "--imu-rig"});
+  dir.write("imu.yaml", replaced(kImu, "update_rate", "update_weight"));
+  expect_says(error_of([&] { load_rig(dir.path()); }), {"imu.yaml:1", "update_rate"});
+}
+
+TEST(Rig, DamagedFilesNameFileAndLine) {
+  const TempDir dir;
+  dir.write("imu.yaml", kImu);
+  const std::string good = "cam0:\n" + kMount + kLens + kRest;
+  const auto error = [&](const std::string& what, const std::string& by) {
+    dir.write("camchain-imucam.yaml", replaced(good, what, by));
+    return error_of([&] { load_rig(dir.path()); });
+  };
+  const std::string name = "camchain-imucam.yaml";
+  expect_says(error("  - [0.0, 0.0, 0.0, 1.0]\n", ""), {name + ":3", "3 rows"});
+  expect_says(error("[-1.0, 0.0, 0.0, 0.2]", "[-1.0, 0.0, 0.2]"), {name + ":4", "3 columns"});
+  expect_says(error("[-1.0, 0.0, 0.0, 0.2]", "[-1.0, 0.1, 0.0, 0.2]"), {name + ":3", "not a rotation"});
+  expect_says(error("[-1.0, 0.0, 0.0, 0.2]", "[1.0, 0.0, 0.0, 0.2]"), {name + ":3", "mirrored"});
+  expect_says(error("[-1.0, 0.0, 0.0, 0.2]", "[-1.0, 0.0, .nan, 0.2]"), {name + ":4", "'.nan'", "finite"});
+  expect_says(error("0.0, 1.0]\n  camera", "0.5, 1.0]\n  camera"), {name + ":3", "last row"});
+  expect_says(error("pinhole", "omni"), {name + ":7", "'omni' is not supported"});
+  expect_says(error("radtan", "fov"), {name + ":9", "'fov' is not supported"});
+  expect_says(error("[199.5, 198.5, 132.25, 110.75]", "[199.5, 198.5, 132.25]"), {name + ":10", "3 numbers"});
+  expect_says(error("199.5", "-199.5"), {name + ":10", "positive"});
+  expect_says(error("-0.0003, -0.0007", "-0.0003"), {name + ":8", "3 numbers"});
+  expect_says(error("-0.36", "-9"), {name, "lens model"});
+  expect_says(error("[240, 180]", "[240.5, 180]"), {name + ":11", "resolution"});
+  expect_says(error("0.0025", "soon"), {name + ":12", "'soon'"});
+  expect_says(error("[240, 180]", "[240, 180"), {name, "YAML"});
+  expect_says(error("cam0:", "cam7:"), {name, "cam0"});
+  dir.write("camchain-imucam.yaml", "");
+  expect_says(error_of([&] { load_rig(dir.path()); }), {name, "empty"});
+  dir.write("camchain-imucam.yaml", std::string("\0\x01\x02\xff\xfe", 5));
+  expect_says(error_of([&] { load_rig(dir.path()); }), {name});
+}
+
+TEST(Rig, DamagedRpgCalibration) {
+  const TempDir dir;
+  const auto error = [&](const std::string& content) {
+    dir.write("calib.txt", content);
+    return error_of([&] { find_camera(dir.path()); });
+  };
+  expect_says(error("1 2 3\n"), {"calib.txt:1", "3 numbers where 9"});
+  expect_says(error("199 199 120 nan 0 0 0 0 0\n"), {"calib.txt:1", "column 4"});
+  expect_says(error("199 199 120 x 0 0 0 0 0\n"), {"calib.txt:1", "column 4"});
+  expect_says(error("0 199 120 90 0 0 0 0 0\n"), {"calib.txt:1", "positive"});
+  expect_says(error(""), {"calib.txt", "0 numbers"});
+}
+
+TEST(Rig, RotationIsMadeExactlyOrthonormal) {
+  const TempDir dir;
+  dir.write("imu.yaml", kImu);
+  dir.write("camchain-imucam.yaml",
+            "cam0:\n" + replaced(kMount, "0.0, 1.0, 0.0, 0.1", "0.0004, 1.0002, 0.0, 0.1") + kLens + kRest);
+  const Mat3 R = load_rig(dir.path()).T_i_c.R();
+  EXPECT_LT((R.transpose() * R - Mat3::Identity()).norm(), 1e-14);
+}
+
+TEST(Rig, ComesBackFromItsYaml) {
+  std::mt19937 rng(1);
+  Rig rig;
+  rig.camera = {346, 260, 170.123456789012,         171,
+                173, 130, Distortion::kEquidistant, {-0.03, 0.01, -0.004, 0.001, 0}};
+  rig.T_i_c = {quat_exp(test::random_vec3(rng)), test::random_vec3(rng)};
+  rig.time_offset_s = -1.0 / 3000;
+  rig.imu = {1e-3 / 3, 2e-5, 3e-3, 4e-4, 805.5};
+  const TempDir dir;
+  for (const Distortion model : {Distortion::kEquidistant, Distortion::kRadTan, Distortion::kNone}) {
+    rig.camera.distortion = model;
+    if (model == Distortion::kNone) rig.camera.coeffs = {};
+    const Rig back = load_rig(dir.path(), dir.write("rig.yaml", rig_to_yaml(rig)));
+    EXPECT_EQ(back.camera.distortion, model);
+    EXPECT_EQ(back.camera.coeffs, rig.camera.coeffs);
+    EXPECT_EQ(back.camera.fx, rig.camera.fx);
+    EXPECT_EQ(back.camera.height, 260);
+    EXPECT_EQ(back.time_offset_s, rig.time_offset_s);
+    EXPECT_EQ(back.imu.gyro_density, rig.imu.gyro_density);
+    EXPECT_EQ(back.imu.rate_hz, rig.imu.rate_hz);
+    EXPECT_LT((back.T_i_c.R() - rig.T_i_c.R()).norm(), 1e-14);
+    EXPECT_LT((back.T_i_c.p - rig.T_i_c.p).norm(), 1e-14);
+  }
+}
+
+TEST(Rig, BundledDavis240cFitsTheRealRecordings) {
+  const std::filesystem::path config =
+      std::filesystem::path(IDOL_DATA_DIR).parent_path() / "configs/rig_davis240c.yaml";
+  const TempDir dir;
+  const Rig rig = load_rig(dir.path(), config);
+  EXPECT_LT((rig.T_i_c.p - Vec3(0.00674696422488, 0.0007279224709, 0.0342573613538)).norm(), 1e-9);
+  EXPECT_EQ(rig.time_offset_s, 0.0024);
+  const std::filesystem::path data = IDOL_SHARED_DATA_DIR;
+  if (!std::filesystem::exists(data)) GTEST_SKIP() << data << " is not there";
+  EXPECT_EQ(load_rig(data / "real/rpg_shapes_rotation", config).camera.width, 240);
+  EXPECT_THROW(load_rig(data / "real/rpg_slider_depth", config), DataError);
+  EXPECT_EQ(find_camera(data / "real/rpg_slider_depth")->width, 240);
+  for (const char* name :
+       {"shapes_translation", "shapes_6dof", "room_6dof", "desk_6dof", "poster_6dof", "dynamic_6dof"})
+    EXPECT_LT((load_rig(data / "sim" / name).T_i_c.p - Vec3(0.00674696, 0.00072793, 0.03425736)).norm(),
+              1e-8);
+}
+
+}  // namespace
+}  // namespace idol
