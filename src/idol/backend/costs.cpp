@@ -3,6 +3,8 @@
 #include <ceres/sized_cost_function.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 namespace idol {
@@ -128,6 +130,62 @@ bool TiltManifold::MinusJacobian(const double* x, double* jacobian) const {
 
 namespace {
 
+constexpr double kNearestDepth = 0.01;  // [m]: ends nearer to, or behind, the anchor camera move as if they were here
+
+// [x/z, y/z, 1/z] of a point in the camera, and its inverse.
+Vec3 to_inverse_depth(const Vec3& x) {
+  const double rho = 1 / std::max(x.z(), kNearestDepth);
+  return {x.x() * rho, x.y() * rho, rho};
+}
+Vec3 from_inverse_depth(const Vec3& m) { return Vec3(m.x(), m.y(), 1) / m.z(); }
+
+Mat3 d_point_d_inverse_depth(const Vec3& m) {
+  Mat3 J;
+  J << 1 / m.z(), 0, -m.x() / (m.z() * m.z()), 0, 1 / m.z(), -m.y() / (m.z() * m.z()), 0, 0, -1 / (m.z() * m.z());
+  return J;
+}
+
+}  // namespace
+
+bool LineManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  const Pose T_c_w = T_w_c_.inverse();
+  for (int end = 0; end < kLineSize; end += 3) {
+    const Vec3 m = to_inverse_depth(T_c_w * Vec3(ConstVectorMap<3>(x + end)));
+    Vec3 moved = m + ConstVectorMap<3>(delta + end);
+    // A step through infinity would come back behind the camera.
+    moved.z() = std::max(moved.z(), 0.1 * m.z());
+    vector_at<3>(x_plus_delta + end) = T_w_c_ * from_inverse_depth(moved);
+  }
+  return true;
+}
+
+bool LineManifold::PlusJacobian(const double* x, double* jacobian) const {
+  const Pose T_c_w = T_w_c_.inverse();
+  JacobianMap<6, 6> J(jacobian);
+  J.setZero();
+  for (int end = 0; end < kLineSize; end += 3)
+    J.block<3, 3>(end, end) =
+        T_w_c_.R() * d_point_d_inverse_depth(to_inverse_depth(T_c_w * Vec3(ConstVectorMap<3>(x + end))));
+  return true;
+}
+
+bool LineManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
+  const Pose T_c_w = T_w_c_.inverse();
+  for (int end = 0; end < kLineSize; end += 3)
+    vector_at<3>(y_minus_x + end) = to_inverse_depth(T_c_w * Vec3(ConstVectorMap<3>(y + end))) -
+                                    to_inverse_depth(T_c_w * Vec3(ConstVectorMap<3>(x + end)));
+  return true;
+}
+
+bool LineManifold::MinusJacobian(const double* x, double* jacobian) const {
+  RowMajor<6, 6> plus;
+  PlusJacobian(x, plus.data());
+  jacobian_at<6, 6>(jacobian) = plus.inverse();
+  return true;
+}
+
+namespace {
+
 // Huber's loss as a factor on residual and Jacobian: value' = sqrt(rho), d' = d value' / d value.
 struct Robustified {
   double value, slope;
@@ -246,6 +304,25 @@ class DepthPriorCost : public ceres::SizedCostFunction<3, kLineSize> {
   double log_depth_, sigma_, slant_;
 };
 
+class EndDampingCost : public ceres::SizedCostFunction<2, kLineSize> {
+ public:
+  EndDampingCost(const LineEnds& now, double sigma) : now_(now), along_((now.b - now.a).normalized() / sigma) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    residuals[0] = along_.dot(ConstVectorMap<3>(parameters[0]) - now_.a);
+    residuals[1] = along_.dot(ConstVectorMap<3>(parameters[0] + 3) - now_.b);
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      JacobianMap<2, kLineSize> J(jacobians[0]);
+      J << along_.transpose(), RowVec3::Zero(), RowVec3::Zero(), along_.transpose();
+    }
+    return true;
+  }
+
+ private:
+  LineEnds now_;
+  Vec3 along_;
+};
+
 class ImuCost : public ceres::SizedCostFunction<9, kPoseSize, kMotionSize, kPoseSize, kMotionSize> {
  public:
   ImuCost(const Preintegrated& motion, const Mat9& covariance, const ImuBias& linearised_at, const Vec3& gravity)
@@ -331,6 +408,9 @@ std::unique_ptr<ceres::CostFunction> attraction_cost(const Preintegrated& motion
 std::unique_ptr<ceres::CostFunction> depth_prior_cost(const Pose& T_w_c, double depth_m, double sigma_log,
                                                       double sigma_slant) {
   return std::make_unique<DepthPriorCost>(T_w_c, depth_m, sigma_log, sigma_slant);
+}
+std::unique_ptr<ceres::CostFunction> end_damping_cost(const LineEnds& now, double sigma_m) {
+  return std::make_unique<EndDampingCost>(now, sigma_m);
 }
 std::unique_ptr<ceres::CostFunction> imu_cost(const Preintegrated& motion, const Mat9& covariance,
                                               const ImuBias& linearised_at, const Vec3& gravity) {

@@ -1,6 +1,6 @@
 // Ceres wrappers of the residuals. Parameter blocks:
 //   pose  7  [p, q(x y z w)]   on PoseManifold (or TiltManifold for the gauge)
-//   motion 9 [v, b_g, b_a]     line 6 [a, b] in the world
+//   motion 9 [v, b_g, b_a]     line 6 [a, b] in the world, on LineManifold
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -48,6 +48,22 @@ class TiltManifold : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
+/// Steps of a line's two ends in bearing and inverse depth seen from a fixed camera: projections are nearly linear in
+/// them, however little is known of the depth. The line itself stays two 3D points (paper eq. 2).
+class LineManifold : public ceres::Manifold {
+ public:
+  explicit LineManifold(const Pose& T_w_c) : T_w_c_(T_w_c) {}
+  int AmbientSize() const override { return kLineSize; }
+  int TangentSize() const override { return kLineSize; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  bool PlusJacobian(const double* x, double* jacobian) const override;
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
+  bool MinusJacobian(const double* x, double* jacobian) const override;
+
+ private:
+  Pose T_w_c_;
+};
+
 struct LineNoise {
   double event_px = 1.5;       ///< standard deviation of an event's distance
   double huber_sigmas = 1.5;   ///< beyond: absolute instead of squared; 0 = squared throughout (the paper)
@@ -66,6 +82,10 @@ std::unique_ptr<ceres::CostFunction> attraction_cost(const Preintegrated& motion
 /// fixed camera pose. Block: line.
 std::unique_ptr<ceres::CostFunction> depth_prior_cost(const Pose& T_w_c, double depth_m, double sigma_log,
                                                       double sigma_slant);
+/// Keeps the ends from sliding along the line by more than about `sigma_m` in one solve. The attraction's residual is a
+/// square root, whose Gauss-Newton step runs to minus the line's length unless events oppose it; this vanishes at a
+/// fixed point, so it changes where solves begin and not where they end. Block: line.
+std::unique_ptr<ceres::CostFunction> end_damping_cost(const LineEnds& now, double sigma_m);
 /// Blocks: pose, motion of one window, pose, motion of the next. `covariance` of [p, R, v].
 std::unique_ptr<ceres::CostFunction> imu_cost(const Preintegrated& motion, const Mat9& covariance,
                                               const ImuBias& linearised_at, const Vec3& gravity);

@@ -21,6 +21,14 @@ LineNoise line_noise(const BackendOptions& options) {
   return {options.event_sigma_px, options.huber_sigmas, options.repulsion_sigma_px, options.attraction_sigma};
 }
 
+
+// A few pixels along the line, as a length at the line's distance.
+double end_damping_m(const Pose& T_w_c, const LineEnds& ends, const Camera& camera) {
+  constexpr double kPixels = 3;
+  const double distance = (0.5 * (ends.a + ends.b) - T_w_c.p).norm();
+  return kPixels * std::max(distance, 0.05) / camera.fx;
+}
+
 }  // namespace
 
 // One non-linear least-squares problem over the active states and lines (paper eq. 3).
@@ -43,6 +51,8 @@ class Smoother::Problem {
     options.linear_solver_type = ceres::SPARSE_SCHUR;
     options.max_num_iterations = owner_.options_.max_iterations;
     options.function_tolerance = 1e-5;
+    // Nearly Gauss-Newton: damping each bias of the stiff random-walk chain would hold all of them in place.
+    options.initial_trust_region_radius = 1e10;
     options.num_threads = 1;  // sums in one order: the same bits every time
     options.logging_type = ceres::SILENT;
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
@@ -53,7 +63,8 @@ class Smoother::Problem {
     }
     options.linear_solver_ordering = ordering;
     ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem_, &summary);
+    options.logging_type = ceres::PER_MINIMIZER_ITERATION; options.minimizer_progress_to_stdout = getenv("DBG");
+    ceres::Solve(options, &problem_, &summary);if(getenv("DBG")) puts(summary.BriefReport().c_str());
     return summary;
   }
 
@@ -105,7 +116,7 @@ class Smoother::Problem {
         Eigen::Matrix<double, 9, 1> sigma = Eigen::Matrix<double, 9, 1>::Constant(1e6);
         sigma.head<3>().setConstant(owner_.options_.start_velocity_sigma);
         problem_.AddResidualBlock(motion_prior_cost(Eigen::Matrix<double, 9, 1>::Zero(), sigma).release(), nullptr,
-                                  at(w + 1).motion.data());
+                                  at(w).motion.data());
       }
     }
   }
@@ -121,12 +132,16 @@ class Smoother::Problem {
         // The window that first saw the line, or the oldest one still active.
         attracted = true;
         ends << track.ends.a, track.ends.b;
+        const auto manifold = line_manifolds_.try_emplace(id, track.T_w_c_first).first;
+        problem_.AddParameterBlock(ends.data(), kLineSize, &manifold->second);
         problem_.AddResidualBlock(
             attraction_cost(o.seen.end_a.motion, imu.bias(), owner_.projection_, noise).release(), nullptr,
             at(o.window).pose.data(), at(o.window).motion.data(), ends.data());
         problem_.AddResidualBlock(depth_prior_cost(track.T_w_c_first, track.prior_depth,
                                                    owner_.options_.depth_prior_log, owner_.options_.slant_prior_log)
                                       .release(),
+                                  nullptr, ends.data());
+        problem_.AddResidualBlock(end_damping_cost(track.ends, end_damping_m(track.T_w_c_first, track.ends, owner_.projection_.camera)).release(),
                                   nullptr, ends.data());
       }
       problem_.AddResidualBlock(event_line_cost(o.seen.events, imu.bias(), owner_.projection_, noise).release(),
@@ -140,6 +155,7 @@ class Smoother::Problem {
   TiltManifold tilt_manifold_;
   std::vector<StateParameters> parameters_;
   std::map<LineId, Eigen::Matrix<double, kLineSize, 1>> lines_;
+  std::map<LineId, LineManifold> line_manifolds_;
   ceres::Problem problem_;
 };
 
@@ -231,6 +247,7 @@ bool Smoother::initialise(Track& track) const {
   const Pose T_w_c = state_of(seen_first, seen_first.seen.end_a).T_w_i * projection_.T_i_c;
   track.T_w_c_first = T_w_c;
   track.prior_depth = typical;
+  LineManifold manifold(T_w_c);
   double best = std::numeric_limits<double>::infinity();
   for (double factor : {1.0, 0.5, 2.0}) {
     const auto back_project = [&](const EventMeasurement& end) -> Vec3 {
@@ -239,7 +256,8 @@ bool Smoother::initialise(Track& track) const {
     };
     Eigen::Matrix<double, kLineSize, 1> ends;
     ends << back_project(seen_first.seen.end_a), back_project(seen_first.seen.end_b);
-    ceres::Problem problem;
+    ceres::Problem problem(borrowing_manifolds());
+    problem.AddParameterBlock(ends.data(), kLineSize, &manifold);
     std::map<std::size_t, StateParameters> parameters;
     for (const auto& o : track.observations) {
       const auto [it, fresh] = parameters.try_emplace(o.window, to_parameters(states_[o.window]));
@@ -252,6 +270,9 @@ bool Smoother::initialise(Track& track) const {
     problem.AddResidualBlock(
         depth_prior_cost(T_w_c, typical, options_.depth_prior_log, options_.slant_prior_log).release(), nullptr,
         ends.data());
+    const LineEnds begin{ends.head<3>(), ends.tail<3>()};
+    problem.AddResidualBlock(
+        end_damping_cost(begin, end_damping_m(T_w_c, begin, projection_.camera)).release(), nullptr, ends.data());
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_QR;
     options.max_num_iterations = 20;

@@ -76,7 +76,7 @@ struct LineObservation {
 struct WindowMeasurement {
   std::shared_ptr<const Preintegration> imu;  ///< of [begin, end)
   std::vector<LineObservation> lines;
-  bool still = false;                         ///< known to be at rest
+  bool still = false;                         ///< at rest at its begin
 };
 
 struct SolveStats {

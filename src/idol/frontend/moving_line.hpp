@@ -28,6 +28,12 @@ struct MovingLine {
   [[nodiscard]] double along(const TimedPixel& event) const;
   /// Point of the line at position u and time t [px].
   [[nodiscard]] Eigen::Vector2d point(double u, double t) const;
+  /// The same line at constant velocity from its middle time on: a parabola must not be carried far.
+  [[nodiscard]] MovingLine extrapolable() const {
+    MovingLine out = *this;
+    out.c[4] = 0;
+    return out;
+  }
   [[nodiscard]] double length_px() const { return u_max - u_min; }
 };
 

@@ -46,28 +46,33 @@ class UnionFind {
   std::vector<std::uint32_t> parent_;
 };
 
-// Region growing: neighbours with |n_i.n_j| > n_thr, each within e_thr of the other's line (paper V). Returns the
-// representative of each point's cluster.
-std::vector<std::uint32_t> grow(std::span<const SpacetimePoint> points, const SpacetimeGrid& grid,
-                                std::span<const LocalPlane> planes, const SegmentOptions& options) {
+// Region growing among the points marked `active`: neighbours with |n_i.n_j| > n_thr, each within e_thr of the other's
+// line (paper V). Clusters of at least min_events, by their first point; members in time order.
+std::vector<std::vector<std::uint32_t>> grow(std::span<const SpacetimePoint> points, const SpacetimeGrid& grid,
+                                             std::span<const LocalPlane> planes, const std::vector<bool>& active,
+                                             double normal_threshold, const SegmentOptions& options) {
   UnionFind sets(points.size());
   const auto radius = static_cast<float>(options.radius_px);
-  const auto n_thr = static_cast<float>(options.normal_threshold);
+  const auto n_thr = static_cast<float>(normal_threshold);
   const auto e_thr = static_cast<float>(options.distance_threshold_px);
   const int reach = static_cast<int>(std::ceil(radius));
   for (std::uint32_t i = 0; i < points.size(); ++i) {
-    if (!planes[i].valid()) continue;
+    if (!active[i]) continue;
     grid.for_each_neighbour(i, radius, reach, [&](std::uint32_t j) {
-      if (j >= i || !planes[j].valid()) return;
+      if (j >= i || !active[j]) return;
       if (options.same_polarity && points[i].polarity != points[j].polarity) return;
       if (std::abs(planes[i].normal_xy.dot(planes[j].normal_xy)) < n_thr) return;
       const Eigen::Vector2f d = (points[j].x - points[i].x).head<2>();
       if (std::abs(planes[i].normal_xy.dot(d)) < e_thr && std::abs(planes[j].normal_xy.dot(d)) < e_thr) sets.unite(i, j);
     });
   }
-  std::vector<std::uint32_t> root(points.size());
-  for (std::uint32_t i = 0; i < root.size(); ++i) root[i] = sets.find(i);
-  return root;
+  std::map<std::uint32_t, std::vector<std::uint32_t>> members;
+  for (std::uint32_t i = 0; i < points.size(); ++i)
+    if (active[i]) members[sets.find(i)].push_back(i);
+  std::vector<std::vector<std::uint32_t>> clusters;
+  for (auto& [first, cluster] : members)
+    if (std::ssize(cluster) >= options.min_events) clusters.push_back(std::move(cluster));
+  return clusters;
 }
 
 // Main direction of unsigned normals: the largest eigenvector of their scatter.
@@ -100,67 +105,65 @@ SegmentedWindow Segmenter::process(const EventWindow& window) {
   const SpacetimeGrid grid(points, undistort_->width(), undistort_->height());
   const auto planes = estimate_normals(points, grid, static_cast<float>(options_.radius_px), options_.min_neighbours,
                                        static_cast<float>(options_.min_planarity), options_.same_polarity);
-  const auto root = grow(points, grid, planes, options_);
-
-  std::map<std::uint32_t, std::vector<std::uint32_t>> members;
-  for (std::uint32_t i = 0; i < root.size(); ++i)
-    if (planes[i].valid()) members[root[i]].push_back(i);
-  std::vector<Cluster> clusters;
-  for (auto& [first, events] : members) {
-    if (std::ssize(events) < options_.min_events) continue;
-    clusters.push_back({std::move(events), Eigen::Vector2d::UnitX()});
-    clusters.back().normal = mean_normal(planes, clusters.back().events);
-  }
-
   SegmentedWindow out;
   out.c_s_per_px = c_;
   out.speed_px_s = median_speed(planes, c_);
-  out.segments = fit_segments(window, clusters);
+  // What is not straight goes back to be grown with tighter normals: corners and curves come apart.
+  std::vector<bool> active(points.size());
+  for (std::size_t i = 0; i < active.size(); ++i) active[i] = planes[i].valid();
+  double off = 1 - options_.normal_threshold;
+  for (int round = 0; round <= options_.regrow_rounds; ++round, off /= 3) {
+    const auto clusters = grow(points, grid, planes, active, 1 - off, options_);
+    active.assign(points.size(), false);
+    for (const auto& cluster : clusters) {
+      if (auto segment = fit_segment(window, cluster, mean_normal(planes, cluster))) {
+        out.segments.push_back(std::move(*segment));
+      } else {
+        for (std::uint32_t i : cluster) active[i] = true;
+      }
+    }
+  }
   link(window, out.segments);
   out.ids.assign(window.events.size(), kNoLine);
   for (const auto& segment : out.segments)
     for (std::uint32_t i : segment.events) out.ids[i] = segment.id;
-  overlap_ids_ = out.ids;
+  previous_ids_ = out.ids;
   adapt_scale(out.speed_px_s);
   return out;
 }
 
-std::vector<Segment> Segmenter::fit_segments(const EventWindow& window, const std::vector<Cluster>& clusters) const {
-  std::vector<Segment> segments;
+std::optional<Segment> Segmenter::fit_segment(const EventWindow& window, std::span<const std::uint32_t> cluster,
+                                             const Eigen::Vector2d& normal) const {
   std::vector<TimedPixel> events;
-  for (const auto& cluster : clusters) {
-    events.clear();
-    for (std::uint32_t i : cluster.events) {
-      const Event& e = window.events[i];
-      const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
-      events.emplace_back(px.x(), px.y(), seconds_between(window.begin, e.t));
-    }
-    const auto line = fit_moving_line(events, cluster.normal, options_.gate_px);
-    if (!line || line->length_px() < options_.min_length_px || line->rms_px > options_.max_rms_px ||
-        line->bow_px > options_.max_bow_px)
-      continue;
-    Segment segment;
-    segment.line = *line;
-    for (std::size_t k = 0; k < events.size(); ++k)
-      if (std::abs(line->distance(events[k])) < options_.gate_px) segment.events.push_back(cluster.events[k]);
-    if (std::ssize(segment.events) < options_.min_events ||
-        static_cast<double>(segment.events.size()) < options_.min_inliers * static_cast<double>(events.size()))
-      continue;
-    segments.push_back(std::move(segment));
+  for (std::uint32_t i : cluster) {
+    const Event& e = window.events[i];
+    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+    events.emplace_back(px.x(), px.y(), seconds_between(window.begin, e.t));
   }
-  return segments;
+  const auto line = fit_moving_line(events, normal, options_.gate_px);
+  if (!line || line->length_px() < options_.min_length_px || line->rms_px > options_.max_rms_px ||
+      line->bow_px > options_.max_bow_px)
+    return std::nullopt;
+  Segment segment;
+  segment.line = *line;
+  for (std::size_t k = 0; k < events.size(); ++k)
+    if (std::abs(line->distance(events[k])) < options_.gate_px) segment.events.push_back(cluster[k]);
+  if (std::ssize(segment.events) < options_.min_events ||
+      static_cast<double>(segment.events.size()) < options_.min_inliers * static_cast<double>(events.size()))
+    return std::nullopt;
+  return segment;
 }
 
 // A segment takes the id that most of its repeated events had. Several may take the same: pieces of one line.
 void Segmenter::link(const EventWindow& window, std::vector<Segment>& segments) {
-  const std::size_t offset = overlap_ids_.size() - std::min(overlap_ids_.size(), window.overlap);
+  const std::size_t offset = previous_ids_.size() - std::min(previous_ids_.size(), window.overlap);
   std::map<LineId, const Segment*> largest;  // with each id
   std::stable_sort(segments.begin(), segments.end(),
             [](const Segment& a, const Segment& b) { return a.events.size() > b.events.size(); });
   for (auto& segment : segments) {
     std::map<LineId, int> votes;
     for (std::uint32_t i : segment.events)
-      if (i < window.overlap && overlap_ids_[offset + i] != kNoLine) ++votes[overlap_ids_[offset + i]];
+      if (i < window.overlap && previous_ids_[offset + i] != kNoLine) ++votes[previous_ids_[offset + i]];
     const auto best = std::max_element(votes.begin(), votes.end(),
                                        [](const auto& a, const auto& b) { return a.second < b.second; });
     constexpr int kMinVotes = 5;
@@ -173,8 +176,40 @@ void Segmenter::link(const EventWindow& window, std::vector<Segment>& segments) 
       };
       if (first || (fits(segment.line.u_min) && fits(segment.line.u_max))) segment.id = best->first;
     }
+    if (segment.id == kNoLine) segment.id = recall(window, segment);
     if (segment.id == kNoLine) segment.id = next_id_++;
   }
+  remember(window, segments);
+}
+
+// The nearest remembered line that, carried on at its last velocity, both ends of the segment would lie on.
+LineId Segmenter::recall(const EventWindow& window, const Segment& segment) const {
+  constexpr double kMaxGapPx = 15;  // along the line, between the two extents
+  const double t = segment.line.time;
+  const Eigen::Vector2d a = segment.line.point(segment.line.u_min, t), b = segment.line.point(segment.line.u_max, t);
+  LineId best = kNoLine;
+  double nearest = options_.gate_px;
+  for (const auto& [id, memory] : memory_) {
+    const double there = t + seconds_between(memory.window_begin, window.begin);
+    const Eigen::Vector3d ea(a.x(), a.y(), there), eb(b.x(), b.y(), there);
+    const double ua = memory.line.along(ea), ub = memory.line.along(eb);
+    const double gap = std::max(std::min(ua, ub) - memory.line.u_max, memory.line.u_min - std::max(ua, ub));
+    const double off = std::max(std::abs(memory.line.distance(ea)), std::abs(memory.line.distance(eb)));
+    if (gap > kMaxGapPx || off >= nearest) continue;
+    nearest = off;
+    best = id;
+  }
+  return best;
+}
+
+void Segmenter::remember(const EventWindow& window, const std::vector<Segment>& segments) {
+  std::map<LineId, std::size_t> size;
+  for (const auto& segment : segments) {
+    // Of several pieces the largest stands for the line: segments come by decreasing size.
+    if (!size.try_emplace(segment.id, segment.events.size()).second) continue;
+    memory_[segment.id] = {segment.line.extrapolable(), window.begin, window.end};
+  }
+  std::erase_if(memory_, [&](const auto& entry) { return seconds_between(entry.second.last, window.end) > options_.memory_s; });
 }
 
 // One pixel of motion should count like one pixel of distance: c = 1 / speed, followed slowly.

@@ -3,9 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "idol/base/camera.hpp"
@@ -22,6 +22,7 @@ struct SegmentOptions {
   int min_neighbours = 8;
   double min_planarity = 0.5;
   double normal_threshold = 0.95;
+  int regrow_rounds = 2;
   double distance_threshold_px = 1.0;
   bool same_polarity = true;
   int min_events = 40;
@@ -30,6 +31,7 @@ struct SegmentOptions {
   double max_rms_px = 1.0;
   double max_bow_px = 0.8;
   double min_inliers = 0.7;
+  double memory_s = 0.15;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -39,6 +41,8 @@ struct SegmentOptions {
     visit("min_neighbours", self.min_neighbours, Range{3, 1000}, "events needed for a normal, the event itself included");
     visit("min_planarity", self.min_planarity, Range{0, 1}, "1 - smallest/middle eigenvalue below this: no normal");
     visit("normal_threshold", self.normal_threshold, Range{0, 1}, "n_thr: cosine between normals of one line (paper V)");
+    visit("regrow_rounds", self.regrow_rounds, Range{0, 5},
+          "times a cluster that is not straight is grown again with (1 - n_thr) / 3; 0: refuse it");
     visit("distance_threshold_px", self.distance_threshold_px, Range{0.1, 10},
           "e_thr: distance of an event from its neighbour's line (paper V) [px]");
     visit("same_polarity", self.same_polarity, Range{}, "grow segments of one polarity only (the paper ignores polarity)");
@@ -48,6 +52,8 @@ struct SegmentOptions {
     visit("max_rms_px", self.max_rms_px, Range{0.1, 10}, "a cluster that spreads more is not a line [px]");
     visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a cluster that bends more is not a line [px]");
     visit("min_inliers", self.min_inliers, Range{0, 1}, "share of a cluster's events that must lie on the line");
+    visit("memory_s", self.memory_s, Range{0, 10},
+          "a segment without links takes the id of a recent line that would now lie here; 0: links only (the paper) [s]");
   }
 };
 
@@ -72,20 +78,26 @@ class Segmenter {
   SegmentedWindow process(const EventWindow& window);
 
  private:
-  struct Cluster {
-    std::vector<std::uint32_t> events;
-    Eigen::Vector2d normal = Eigen::Vector2d::UnitX();
+  // A line as last seen.
+  struct Memory {
+    MovingLine line;
+    Time window_begin = 0;
+    Time last = 0;
   };
 
-  [[nodiscard]] std::vector<Segment> fit_segments(const EventWindow& window, const std::vector<Cluster>& clusters) const;
+  [[nodiscard]] std::optional<Segment> fit_segment(const EventWindow& window, std::span<const std::uint32_t> cluster,
+                                                   const Eigen::Vector2d& normal) const;
   void link(const EventWindow& window, std::vector<Segment>& segments);
+  [[nodiscard]] LineId recall(const EventWindow& window, const Segment& segment) const;
+  void remember(const EventWindow& window, const std::vector<Segment>& segments);
   void adapt_scale(double speed_px_s);
 
   SegmentOptions options_;
   const UndistortMap* undistort_;
   double c_;                         // [s/px]
   LineId next_id_ = 0;
-  std::vector<LineId> overlap_ids_;  // of the previous window's last events, as many as it may hand on
+  std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
+  std::map<LineId, Memory> memory_;
 };
 
 }  // namespace idol

@@ -19,6 +19,16 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
+constexpr double kImuTail = 0.05;          // [s]: events after the last IMU sample that nobody will miss
+constexpr double kShortestWindow = 0.005;  // [s]: what is left at the end of the data and shorter is not estimated
+
+// Ends the window earlier.
+void shorten(EventWindow& window, Time end) {
+  window.end = end;
+  std::erase_if(window.events, [&](const Event& e) { return e.t >= end; });
+  window.overlap = std::min(window.overlap, window.events.size());
+}
+
 }  // namespace
 
 Odometry::Odometry(const Rig& rig, const Options& options)
@@ -61,8 +71,14 @@ void Odometry::process_ready(bool last) {
     }
     if (!imu_.covers(window.end, last ? 1 : options_.imu.margin_samples)) {
       if (!last) return;
-      diagnostics_.warn("imu_ends_early", fmt::format("the IMU ends before the events: nothing is estimated after {:.3f} s",
-                                                      static_cast<double>(window.begin) / kNsPerS));
+      if (!imu_.empty() && seconds_between(window.begin, imu_.back_time()) > kShortestWindow) {
+        shorten(*waiting_, imu_.back_time());
+        continue;
+      }
+      if (seconds_between(imu_.back_time(), window.end) > kImuTail)
+        diagnostics_.warn("imu_ends_early", fmt::format("the IMU ends at {:.3f} s, before the events: nothing is "
+                                                        "estimated after it",
+                                                        static_cast<double>(imu_.back_time()) / kNsPerS));
       waiting_.reset();
       continue;
     }
@@ -82,7 +98,8 @@ bool Odometry::start(const EventWindow& window, bool last) {
   first.bias = init.bias;
   smoother_.start(first, init.still);
   started_ = true;
-  still_until_ = init.still ? until : window.begin;
+  init_until_ = until;
+  resting_ = init.still;
   if (!init.still)
     diagnostics_.warn("moving_start", fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
                                                   "spread {:.2f} m/s^2): the first seconds may be poor",
@@ -96,7 +113,7 @@ void Odometry::process(const EventWindow& window) {
   WindowMeasurement measurement;
   measurement.imu = std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
                                                      window.begin, window.end, from.bias, rig_.imu, options_.imu);
-  measurement.still = window.end <= still_until_;
+  measurement.still = at_rest(window);
   double integrate_s = watch.lap();
   const SegmentedWindow segments = segmenter_.process(window);
   const double segment_s = watch.lap();
@@ -108,6 +125,22 @@ void Odometry::process(const EventWindow& window) {
   imu_.drop_before(window.end, 2 * options_.imu.margin_samples);
   if (listener_)
     listener_({smoother_.latest(), window, segments, smoother_, stats, segment_s, integrate_s, watch.lap()});
+}
+
+// A still start lasts until the camera sees clearly more than it did during the first attitude's span: at rest only
+// noise and tremor make events, and motion multiplies them long before the IMU tells it from its own noise.
+bool Odometry::at_rest(const EventWindow& window) {
+  constexpr double kMoreThanRest = 1.35;
+  if (!resting_) return false;
+  const double rate =
+      static_cast<double>(window.events.size() - window.overlap) / seconds_between(window.begin, window.end);
+  if (window.end <= init_until_) {
+    ++rest_windows_;
+    rest_rate_ += (rate - rest_rate_) / rest_windows_;
+  } else if (rest_windows_ == 0 || rate > kMoreThanRest * rest_rate_) {
+    resting_ = false;
+  }
+  return resting_;
 }
 
 // The longest tracks first, then the longest segments; of each, events spread evenly over its time.

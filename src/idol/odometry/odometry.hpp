@@ -72,6 +72,7 @@ class Odometry {
   void process_ready(bool last);
   bool start(const EventWindow& window, bool last);
   void process(const EventWindow& window);
+  bool at_rest(const EventWindow& window);
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window, const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;
 
@@ -84,7 +85,10 @@ class Odometry {
   Smoother smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;
-  Time still_until_ = 0;
+  Time init_until_ = 0;      // the span whose IMU data gave the first attitude
+  bool resting_ = false;     // still at rest since the start
+  double rest_rate_ = 0;     // events per second while the start was still, mean over rest_windows_
+  int rest_windows_ = 0;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;
   Diagnostics diagnostics_;
