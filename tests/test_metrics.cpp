@@ -56,7 +56,7 @@ TEST(AbsoluteErrors, ScaleOfSim3ActsOnPositionsOnly) {
   const Trajectory groundtruth = {pose_at(0, {2, 0, 0}), pose_at(1, {4, 0, 0})};
   const Trajectory estimate = {pose_at(0, {1, 0, 0}), pose_at(1, {2, 0, 0.5})};
   const AbsoluteErrors errors =
-      absolute_errors({estimate, groundtruth}, {.scale = 2, .R = Mat3::Identity(), .t = {}});
+      absolute_errors({estimate, groundtruth}, {.scale = 2, .R = Mat3::Identity(), .t = Vec3::Zero()});
   EXPECT_NEAR(errors.translation_m[0], 0, 1e-15);
   EXPECT_NEAR(errors.translation_m[1], 1, 1e-15);
 }
