@@ -21,14 +21,14 @@ struct BackendOptions {
   double attraction_sigma = 10;
   int max_events_per_observation = 20;
   int max_lines_per_window = 40;
-  int min_windows = 2;
+  int min_windows = 4;
   double first_depth_m = 2.0;
   double depth_prior_log = 1.0;
   double slant_prior_log = 0.5;
-  double cull_px = 3.0;
+  double cull_px = 1.5;
   double batch_s = 24;
   int lag_windows = 30;
-  int max_iterations = 6;
+  int max_iterations = 8;
   double gravity = 9.81;
   double start_velocity_sigma = 0.02;
   double moving_velocity_sigma = 1.0;
