@@ -1,11 +1,226 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
 #include "commands.hpp"
-#include "idol/base/diagnostics.hpp"
+#include "idol/base/rig.hpp"
+#include "idol/io/reader.hpp"
+#include "idol/io/recording_summary.hpp"
+#include "idol/io/trajectory_io.hpp"
 
 namespace idol::cli {
+namespace {
+
+struct InfoArguments {
+  std::filesystem::path sequence, rig, imu_rig;
+};
+
+/// The calibration as far as there is one; an explicit file must be good.
+struct Calibration {
+  std::optional<Camera> camera;
+  std::optional<Rig> rig;
+  std::string missing;  ///< why there is no whole rig
+};
+
+Calibration find_calibration(const InfoArguments& arguments, Diagnostics& diagnostics) {
+  Calibration calibration;
+  Diagnostics heard;
+  try {
+    calibration.rig = load_rig(arguments.sequence, arguments.rig, arguments.imu_rig, &heard);
+    calibration.camera = calibration.rig->camera;
+  } catch (const DataError& e) {
+    if (!arguments.rig.empty() || !arguments.imu_rig.empty()) throw;
+    calibration.missing = e.what();
+    heard = {};
+    try {
+      calibration.camera = find_camera(arguments.sequence, arguments.rig, &heard);
+    } catch (const DataError&) {
+      // The same trouble as above: said once.
+    }
+  }
+  diagnostics.merge(heard);
+  return calibration;
+}
+
+/// Rates over time in at most 60 blocks, the tallest being the peak.
+std::string sparkline(const RateHistogram& rate) {
+  constexpr const char* kBlocks[] = {" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
+  constexpr std::size_t kWidth = 60;
+  const auto& counts = rate.counts();
+  const std::size_t columns = std::min(kWidth, counts.size());
+  std::vector<double> heights(columns, 0);
+  for (std::size_t i = 0; i < columns; ++i) {
+    const std::size_t begin = i * counts.size() / columns;
+    const std::size_t end = (i + 1) * counts.size() / columns;
+    for (std::size_t j = begin; j < end; ++j)
+      heights[i] += static_cast<double>(counts[j]) / static_cast<double>(end - begin);
+  }
+  const double tallest = columns > 0 ? std::max(1e-9, *std::max_element(heights.begin(), heights.end())) : 1;
+  std::string text;
+  for (const double height : heights)
+    text += kBlocks[static_cast<std::size_t>(std::ceil(8 * height / tallest))];
+  return text;
+}
+
+double peak_rate(const RateHistogram& rate) {
+  const auto& counts = rate.counts();
+  if (counts.empty()) return 0;
+  return static_cast<double>(*std::max_element(counts.begin(), counts.end())) / rate.bin_s();
+}
+
+void print_events(const RecordingSummary& s, Time origin) {
+  fmt::print(
+      "events      {} in {:.3f} s, from {:.3f} s on; mean {:.1f} kev/s, peak {:.1f} kev/s, {:.0f} % ON\n",
+      s.events.count, s.events.duration_s(), seconds_between(origin, s.events.first),
+      1e-3 * s.events.rate_hz(), 1e-3 * peak_rate(s.rate),
+      100.0 * static_cast<double>(s.on_events) / static_cast<double>(s.events.count));
+  fmt::print("rate        |{}|\n", sparkline(s.rate));
+  fmt::print("silence     longest {:.3f} s, at {:.3f} s\n",
+             static_cast<double>(s.events.longest_pause) / kNsPerS,
+             seconds_between(origin, s.events.longest_pause_at));
+}
+
+void print_pixels(const RecordingSummary& s, const Calibration& calibration,
+                  const std::vector<std::pair<int, int>>& hot) {
+  const auto& camera = calibration.camera;
+  fmt::print("pixels      up to ({}, {}) seen; calibration: {}\n", s.largest_x, s.largest_y,
+             !camera              ? "none"
+             : camera->width == 0 ? "resolution not known"
+                                  : fmt::format("{} x {}", camera->width, camera->height));
+  constexpr std::size_t kMostShown = 12;
+  fmt::print("hot pixels  {}", hot.size());
+  for (std::size_t i = 0; i < std::min(hot.size(), kMostShown); ++i)
+    fmt::print("{}({}, {})", i == 0 ? ": " : ", ", hot[i].first, hot[i].second);
+  fmt::print("{}\n", hot.size() > kMostShown ? ", ..." : "");
+}
+
+void print_imu(const RecordingSummary& s, Time origin) {
+  if (s.imu.count == 0) {
+    fmt::print("imu         none\n");
+    return;
+  }
+  fmt::print("imu         {} samples in {:.3f} s, from {:.3f} s on; {:.1f} Hz\n", s.imu.count,
+             s.imu.duration_s(), seconds_between(origin, s.imu.first), 1 / s.imu_period_s().value_or(1e9));
+  fmt::print("imu gaps    {} longer than 10 periods; longest {:.1f} ms, at {:.3f} s\n", s.imu_gaps(),
+             static_cast<double>(s.imu.longest_pause) / 1e6, seconds_between(origin, s.imu.longest_pause_at));
+  fmt::print("imu motion  mean |a| {:.3f} m/s^2; scatter of a {:.3f} m/s^2, of the rates {:.3f} rad/s\n",
+             s.accel_norm_sum / static_cast<double>(s.imu.count), s.accel.scatter(), s.gyro.scatter());
+  fmt::print("overlap     {:.3f} s of events and IMU\n",
+             std::max(0.0, seconds_between(std::max(s.events.first, s.imu.first),
+                                           std::min(s.events.last, s.imu.last))));
+}
+
+void print_groundtruth(const std::filesystem::path& sequence) {
+  const auto truth = read_groundtruth(sequence);
+  if (!truth) return;
+  double length = 0;
+  for (std::size_t i = 1; i < truth->size(); ++i) length += ((*truth)[i].T.p - (*truth)[i - 1].T.p).norm();
+  fmt::print("truth       {} poses in {:.3f} s, {:.2f} m\n", truth->size(),
+             seconds_between(truth->front().t, truth->back().t), length);
+}
+
+/// What will hurt a run, in words.
+std::vector<std::string> judge_imu(const RecordingSummary& s) {
+  std::vector<std::string> warnings;
+  if (s.imu.count < 2) return {"no IMU data: 'idol segment' works without, 'idol run' does not"};
+  const double rate = 1 / s.imu_period_s().value_or(1e9);
+  if (rate < 100) warnings.push_back(fmt::format("IMU at {:.0f} Hz: fast motion is lost below 100 Hz", rate));
+  if (const auto gaps = s.imu_gaps(); gaps > 0)
+    warnings.push_back(
+        fmt::format("IMU has {} gaps, the longest of {:.3f} s: the estimate drifts or restarts there", gaps,
+                    static_cast<double>(s.imu.longest_pause) / kNsPerS));
+  constexpr double kTolerance = 0.1;  // [s]
+  if (const double late = seconds_between(s.events.first, s.imu.first); late > kTolerance)
+    warnings.push_back(
+        fmt::format("IMU begins {:.3f} s after the events: those before it are of no use", late));
+  if (const double early = seconds_between(s.imu.last, s.events.last); early > kTolerance)
+    warnings.push_back(
+        fmt::format("IMU ends {:.3f} s before the events: those after it are of no use", early));
+  const double gravity = s.accel_norm_sum / static_cast<double>(s.imu.count);
+  if (gravity < 7 || gravity > 13)
+    warnings.push_back(fmt::format("mean |a| is {:.3f}, gravity 9.81: m/s^2 are expected{}", gravity,
+                                   gravity > 0.7 && gravity < 1.3 ? ", this looks like g" : ""));
+  if (s.gyro.scatter() > 20)
+    warnings.push_back(
+        fmt::format("rates scatter by {:.0f}: rad/s are expected, this looks like deg/s", s.gyro.scatter()));
+  if (s.gyro.scatter() < 0.05 && s.accel.scatter() < 0.3)
+    warnings.push_back("IMU hardly moves: scale and biases cannot be told without excitation");
+  return warnings;
+}
+
+std::vector<std::string> judge_events(const RecordingSummary& s, const Calibration& calibration) {
+  std::vector<std::string> warnings;
+  if (s.events.longest_pause > 1'000'000'000)
+    warnings.push_back(fmt::format("no event for {:.3f} s: camera still, or a part is missing",
+                                   static_cast<double>(s.events.longest_pause) / kNsPerS));
+  const auto& camera = calibration.camera;
+  if (!calibration.rig) warnings.push_back(fmt::format("no whole rig: {}", calibration.missing));
+  if (!camera || camera->width == 0) return warnings;
+  if (s.outside > 0) {
+    warnings.push_back(
+        fmt::format("{} events ({:.3f} %) lie outside the {} x {} of the calibration{}", s.outside,
+                    100.0 * static_cast<double>(s.outside) / static_cast<double>(s.events.count),
+                    camera->width, camera->height,
+                    s.outside * 1000 > s.events.count ? ": wrong resolution or rig, a run will refuse" : ""));
+  }
+  constexpr std::int64_t kEnoughEvents = 100000;
+  if (s.events.count > kEnoughEvents &&
+      (4 * (s.largest_x + 1) < 3 * camera->width || 4 * (s.largest_y + 1) < 3 * camera->height))
+    warnings.push_back(
+        fmt::format("events fill only {} x {} of the calibration's {} x {}: another sensor, or a cut-out",
+                    s.largest_x + 1, s.largest_y + 1, camera->width, camera->height));
+  return warnings;
+}
+
+int info(const InfoArguments& arguments) {
+  Diagnostics diagnostics;
+  ReaderOptions reading;  // no sensor size: pixels outside are to be counted here, not refused
+  reading.need_imu = false;
+  reading.imu_if_present = true;
+  const auto reader = open_reader(arguments.sequence, reading);
+  const Calibration calibration = find_calibration(arguments, diagnostics);
+  RecordingSummary summary(calibration.camera ? calibration.camera->width : 0,
+                           calibration.camera ? calibration.camera->height : 0);
+  std::string damage;
+  try {
+    while (const auto packet = reader->next()) summary.add(*packet);
+  } catch (const DataError& e) {
+    damage = e.what();
+  }
+  diagnostics.merge(reader->diagnostics());
+  const Time origin = reader->first_stamp();
+  fmt::print("recording   {}, first stamp {} s\n", arguments.sequence.string(), format_stamp(origin));
+  if (summary.events.count > 0) {
+    const auto hot = summary.hot_pixels();
+    print_events(summary, origin);
+    print_pixels(summary, calibration, hot);
+    print_imu(summary, origin);
+    print_groundtruth(arguments.sequence);
+    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary)})
+      for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
+  }
+  for (const auto& [kind, entry] : diagnostics.entries())
+    fmt::print("warning     {} ({} x {})\n", entry.first_message, entry.count, kind);
+  std::fflush(stdout);
+  if (!damage.empty()) throw DataError(damage);
+  return 0;
+}
+
+}  // namespace
 
 void add_info(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("info", "to come");
-  command->callback([&action] { action = []() -> int { throw DataError("info: to come"); }; });
+  auto arguments = std::make_shared<InfoArguments>();
+  auto* command = app.add_subcommand("info", "Show what a recording holds, and what in it will hurt a run");
+  command
+      ->add_option("SEQUENCE", arguments->sequence,
+                   "recording: a folder in the RPG layout, or a file of events")
+      ->required();
+  command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
+  command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 
 }  // namespace idol::cli

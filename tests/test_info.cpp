@@ -1,0 +1,124 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "idol/io/recording_summary.hpp"
+#include "test_util.hpp"
+
+namespace idol {
+namespace {
+
+using test::run_idol;
+using test::TempDir;
+
+void expect_says(const std::string& text, std::initializer_list<std::string> parts) {
+  for (const std::string& part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
+}
+
+std::string quoted(const std::filesystem::path& path) { return "'" + path.string() + "'"; }
+
+/// 4 s of events in a sensor of 240 x 180 with one hot pixel, and an IMU that turns to and fro.
+void write_recording(const TempDir& dir, double imu_from_s = 0, double imu_to_s = 4,
+                     double imu_step_s = 0.005) {
+  std::string events;
+  for (int i = 0; i < 40000; ++i) {
+    const int pixel = i * 7919 % (240 * 180);
+    events += i % 40 == 0 ? fmt::format("{:.6f} 100 50 1\n", 1e-4 * i)
+                          : fmt::format("{:.6f} {} {} {}\n", 1e-4 * i, pixel % 240, pixel / 240, i % 2);
+  }
+  dir.write("events.txt", events);
+  std::string imu;
+  for (int i = 0; imu_from_s + i * imu_step_s < imu_to_s; ++i) {
+    const double t = imu_from_s + i * imu_step_s;
+    imu += fmt::format("{:.6f} 0 {} 9.81 {} 0 0\n", t, std::sin(5 * t), std::sin(7 * t));
+  }
+  dir.write("imu.txt", imu);
+}
+
+TEST(Info, TellsWhatAGoodRecordingHolds) {
+  const TempDir dir;
+  write_recording(dir);
+  dir.write("groundtruth.txt", "0 0 0 0 0 0 0 1\n4 0 3 4 0 0 0 1\n");
+  const auto result = run_idol("info " + quoted(dir.path()));
+  EXPECT_EQ(result.status, 0) << result.err;
+  expect_says(result.out, {"40000 in 4.000 s", "mean 10.0 kev/s", "up to (239, 179)",
+                           "hot pixels  1: (100, 50)", "800 samples", "200.0 Hz", "0 longer than 10 periods",
+                           "2 poses in 4.000 s, 5.00 m", "no whole rig"});
+}
+
+TEST(Info, WarnsOfWhatWillHurt) {
+  const TempDir dir;
+  write_recording(dir, 0.5, 3, 0.02);
+  dir.write("calib.txt", "100 100 64 64 0 0 0 0 0\n");
+  dir.write("camchain-imucam.yaml", "cam0:\n  resolution: [128, 128]\n");
+  const auto result = run_idol("info " + quoted(dir.path()));
+  EXPECT_EQ(result.status, 0) << result.err;
+  expect_says(result.out, {"IMU at 50 Hz", "begins 0.500 s after", "ends 1.0", "outside the 128 x 128",
+                           "will refuse", "no extrinsics"});
+}
+
+TEST(Info, ShowsWhatCameBeforeDamageAndFails) {
+  const TempDir dir;
+  write_recording(dir);
+  std::ofstream(dir.path() / "events.txt", std::ios::app) << "5.0 1 1\n6.0 1 1 1\n";
+  const auto result = run_idol("info " + quoted(dir.path()));
+  EXPECT_EQ(result.status, 1);
+  expect_says(result.out, {"40000 in 4.000 s"});
+  expect_says(result.err, {"events.txt:40001", "3 columns"});
+  EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1);
+}
+
+TEST(Info, ExitStatus) {
+  const TempDir dir;
+  EXPECT_EQ(run_idol("info " + quoted(dir.path() / "absent")).status, 1);
+  EXPECT_EQ(run_idol("info").status, 2);
+  write_recording(dir);
+  EXPECT_EQ(run_idol("info " + quoted(dir.path()) + " --bogus").status, 2);
+  EXPECT_EQ(run_idol("info " + quoted(dir.path()) + " --rig " + quoted(dir.path() / "absent.yaml")).status,
+            1);
+}
+
+TEST(RecordingSummary, HistogramKeepsEveryEventWhileItsBinsWiden) {
+  RateHistogram rate;
+  std::int64_t n = 0;
+  for (Time t = 5; t < 100'000'000'000; t += 7'000'003, ++n) rate.add(t);
+  EXPECT_LE(rate.counts().size(), 1024u);
+  std::int64_t sum = 0;
+  for (const auto count : rate.counts()) sum += count;
+  EXPECT_EQ(sum, n);
+  EXPECT_NEAR(rate.bin_s(), 0.16, 1e-12);
+  rate.add(9'000'000'000'000'000'000);
+  EXPECT_LE(rate.counts().size(), 1024u);
+}
+
+TEST(RecordingSummary, CountsGapsAndScatter) {
+  RecordingSummary summary(0, 0);
+  Packet packet;
+  for (int i = 0; i < 1000; ++i) {
+    if (i >= 300 && i < 320) continue;
+    packet.imu.push_back({i * 1'000'000, Vec3(0, i % 2, 9.81), Vec3::Zero()});
+  }
+  summary.add(packet);
+  EXPECT_EQ(summary.imu_gaps(), 1);
+  EXPECT_NEAR(*summary.imu_period_s(), 1e-3, 1e-12);
+  EXPECT_EQ(summary.imu.longest_pause, 21'000'000);
+  EXPECT_EQ(summary.imu.longest_pause_at, 299'000'000);
+  EXPECT_NEAR(summary.accel.scatter(), 0.5, 1e-3);
+  EXPECT_NEAR(summary.gyro.scatter(), 0, 1e-12);
+  EXPECT_TRUE(summary.hot_pixels().empty());
+  EXPECT_EQ(RecordingSummary(0, 0).imu_period_s(), std::nullopt);
+}
+
+TEST(RecordingSummary, FindsTheSimulatorsHotPixels) {
+  const std::filesystem::path sequence =
+      std::filesystem::path(IDOL_SHARED_DATA_DIR) / "sim/shapes_translation";
+  if (!std::filesystem::exists(sequence)) GTEST_SKIP() << sequence << " is not there";
+  const auto result = run_idol("info " + quoted(sequence));
+  EXPECT_EQ(result.status, 0);
+  expect_says(result.out, {"1915916 in 12.000 s", "hot pixels  8:", "(20, 170)", "(185, 91)", "(42, 119)",
+                           "240 x 180", "1000.0 Hz"});
+  EXPECT_EQ(result.out.find("warning"), std::string::npos) << result.out;
+}
+
+}  // namespace
+}  // namespace idol
