@@ -205,6 +205,8 @@ std::vector<Panel> make_panels(const RunFolder& run, const AlignedTruth& truth,
       w, "Solver time per window", "s",
       {{"solve_s", "solver", 1}, {"duration_s", "the window's own duration", 1, "dashed"}}, zero));
   panels.push_back(
+      window_panel(w, "Residuals in the solve", "thousand", {{"residuals", "residuals", 1e-3}}, zero));
+  panels.push_back(
       window_panel(w, "Solver iterations per window", "", {{"iterations", "iterations", 1}}, zero));
   std::erase_if(panels, [](const Panel& p) { return p.series.empty(); });
   for (Panel& panel : panels)

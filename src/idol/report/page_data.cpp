@@ -139,9 +139,14 @@ Json pictures_json(const RunFolder& run, Time zero, std::vector<std::string>& no
     const auto row = static_cast<std::size_t>(picture.window);
     if (picture.window >= 0 && row < run.windows.t.size()) {
       caption += fmt::format(", ends at {:.2f} s", seconds_between(zero, run.windows.t[row]));
-      for (const char* column : {"segments", "lines", "rms_px"})
-        if (const auto* values = run.windows.find(column))
-          caption += fmt::format(", {} {:.3g}", column[0] == 'r' ? "rms [px]" : column, (*values)[row]);
+      const auto add = [&](const char* column, const char* before, const char* after) {
+        const auto* values = run.windows.find(column);
+        if (values != nullptr && std::isfinite((*values)[row]))
+          caption += fmt::format(", {}{:.3g}{}", before, (*values)[row], after);
+      };
+      add("segments", "", " segments");
+      add("lines", "", " lines");
+      add("rms_px", "rms ", " px");
     } else {
       caption += fmt::format(", {:.2f} s", picture.seconds);
     }
@@ -183,12 +188,12 @@ Json evaluations_json(const RunFolder& run, std::vector<std::string>& notes) {
   return out;
 }
 
-/// Shape of the view frustum: half width and half height at distance 1.
+/// Borders of the picture at distance 1, through the plain pinhole: left, top, right, bottom.
 Json frustum_json(const RunFolder& run) {
-  if (run.camera_model && run.camera_model->width > 0)
-    return {0.5 * run.camera_model->width / run.camera_model->fx,
-            0.5 * run.camera_model->height / run.camera_model->fy};
-  return {0.6, 0.45};
+  if (!run.camera_model || run.camera_model->width <= 0) return {-0.6, -0.45, 0.6, 0.45};
+  const Camera& c = *run.camera_model;
+  const Vec2 low = c.normalise({-0.5, -0.5}), high = c.normalise({c.width - 0.5, c.height - 0.5});
+  return {rounded(low.x()), rounded(low.y()), rounded(high.x()), rounded(high.y())};
 }
 
 }  // namespace

@@ -143,9 +143,9 @@ Image draw_event_picture(int width, int height, std::span<const PictureEvent> ev
       image.draw_line(to_image(line.a), to_image(line.b), thickness, colour);
   for (const PictureLine& line : lines) {
     for (const Vec2& end : {to_image(line.a), to_image(line.b)}) {
-      image.draw_disc(end, 5.5, kBlack);
-      image.draw_disc(end, 4.5, kWhite);
-      image.draw_disc(end, 3.0, line_colour(line.id));
+      image.draw_disc(end, 4.6, kBlack);
+      image.draw_disc(end, 3.8, kWhite);
+      image.draw_disc(end, 2.6, line_colour(line.id));
     }
   }
   return image;

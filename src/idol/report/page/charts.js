@@ -151,7 +151,7 @@ class TimeCharts {
     const x = t => kMargin.left + (t - from) / (to - from) * (w - kMargin.left - kMargin.right);
     const y = v => h - kMargin.bottom - (v - low) / (high - low) * (h - kMargin.top - kMargin.bottom);
     Object.assign(view, {x, y});
-    drawAxes(c, w, h, {x, y, xs: ticks(from, to, Math.max(2, w / 90)), ys: ticks(low, high, 4), unit: "s", colours});
+    drawAxes(c, w, h, {x, y, xs: ticks(from, to, Math.max(2, w / 60)), ys: ticks(low, high, 6), unit: "s", colours});
     c.save();
     c.beginPath();
     c.rect(kMargin.left, 0, w - kMargin.left - kMargin.right, h - kMargin.bottom + 1);
@@ -208,7 +208,7 @@ class TimeCharts {
     vertical(this.cursor, colours.muted, [3, 3]);
     for (const {series, value} of view.entries)
       value.textContent = this.cursor === null ? "" : series.map(s => this.valueText(s)).join(" / ");
-    if (view.note) view.note.textContent = this.cursor === null ? "wide and pale: ground truth" : "estimate / ground truth";
+    if (view.note) view.note.hidden = this.cursor !== null;  // leaves its place to the values
   }
   valueText({t, y}) {
     const i = before(t, this.cursor), next = Math.min(i + 1, t.length - 1);
@@ -250,7 +250,7 @@ function drawHistogram(canvas, {width, counts}) {
   const x = v => kMargin.left + v / end * (w - kMargin.left - kMargin.right);
   const y = v => h - kMargin.bottom - v / (1.08 * most) * (h - kMargin.top - kMargin.bottom);
   const ys = ticks(0, 1.08 * most, 4).filter(tick => Number.isInteger(tick.value));
-  drawAxes(c, w, h, {x, y, xs: ticks(0, end, Math.max(2, w / 90)), ys, unit: "s", colours});
+  drawAxes(c, w, h, {x, y, xs: ticks(0, end, Math.max(2, w / 60)), ys, unit: "s", colours});
   c.fillStyle = colours.series[2];
   counts.forEach((n, i) => {
     if (n) c.fillRect(x(i * width) + 1, y(n), Math.max(1, x((i + 1) * width) - x(i * width) - 2), y(0) - y(n));

@@ -51,7 +51,7 @@ function fillBanners(stats) {
   const list = el("ul");
   for (const [kind, warning] of warnings) {
     const count = warning.count > 1 ? ` (${figure(warning.count)} times)` : "";
-    const words = kind.replaceAll("_", " ");
+    const words = kind.replaceAll("_", " ").replace(/\bimu\b/, "IMU");
     list.append(el("li", {}, el("strong", {}, words.charAt(0).toUpperCase() + words.slice(1)), count, ": ", String(warning.message ?? "")));
   }
   banner("warn", el("strong", {}, warnings.length === 1 ? "One thing to know about this run" : `${warnings.length} things to know about this run`), list);
@@ -107,10 +107,10 @@ function evaluationCard({title, data}) {
   if (rows.length) card.append(table([{name: "Protocol"}, {name: "Alignment", left: true}, {name: "RMSE m"}, {name: "Median m"}, {name: "Max m"},
     {name: "Rotation RMSE °"}, {name: "Yaw RMSE °"}, {name: "MPE %"}, {name: "MYE °/m"}, {name: "Scale"}], rows));
   if (segments && Object.keys(segments).length) {
-    card.append(el("p", {class: "table-note muted"}, "Relative errors over pieces of the path"), table([{name: "Share of path"}, {name: "Length m"}, {name: "Samples"},
+    card.append(el("details", {}, el("summary", {}, "Relative errors over pieces of the path"), table([{name: "Share of path"}, {name: "Length m"}, {name: "Samples"},
       {name: "Median m"}, {name: "RMSE m"}, {name: "Median %"}, {name: "Median rotation °"}, {name: "Median yaw °"}],
     Object.entries(segments).map(([percent, s]) => [`${percent} %`, fixed(s.length_m, 2), figure(s.samples), fixed(s.translation_m?.median, 4),
-      fixed(s.translation_m?.rmse, 4), fixed(s.translation_percent?.median, 2), fixed(s.rotation_deg?.median, 3), fixed(s.yaw_deg?.median, 3)])));
+      fixed(s.translation_m?.rmse, 4), fixed(s.translation_percent?.median, 2), fixed(s.rotation_deg?.median, 3), fixed(s.yaw_deg?.median, 3)]))));
   }
   const notes = Object.entries(protocols).flatMap(([name, p]) => (p.notes || []).map(note => `${name}: ${note}`));
   for (const [name, reason] of Object.entries(data.skipped || {})) notes.push(`${name}: not computed, ${reason}`);

@@ -82,10 +82,10 @@ class View3D {
 
   fitOnce() { if (!this.distance) this.fit(); }
 
-  fit() {
-    this.target = this.low.map((v, k) => 0.5 * (v + this.high[k]));
+  fit([low, high] = [this.low, this.high]) {
+    this.target = low.map((v, k) => 0.5 * (v + high[k]));
     const {clientWidth: w, clientHeight: h} = this.canvas;
-    this.distance = this.radius * 2.0 * Math.max(1, h / Math.max(1, w) * 1.25);
+    this.distance = Math.max(0.03, 0.5 * Math.hypot(...sub(high, low))) * 1.7 * Math.max(1, h / Math.max(1, w) * 1.7);
     this.throughCamera = false;
   }
 
@@ -93,9 +93,15 @@ class View3D {
     if (name === "fit") { this.azimuth = -2.2; this.elevation = 0.55; }
     if (name === "top") { this.azimuth = -Math.PI / 2; this.elevation = Math.PI / 2 - 1e-3; }
     if (name === "side") { this.azimuth = -Math.PI / 2; this.elevation = 0; }
-    this.fit();
+    this.fit(name === "path" ? this.pathBox() : undefined);
     this.throughCamera = name === "camera" && this.scene.smoothed.t.length > 0;
     this.draw();
+  }
+
+  pathBox() {
+    const {t, p} = this.scene.smoothed, low = [Infinity, Infinity, Infinity], high = low.map(v => -v);
+    p.forEach((v, i) => { low[i % 3] = Math.min(low[i % 3], v); high[i % 3] = Math.max(high[i % 3], v); });
+    return t.length ? [low, high] : undefined;
   }
 
   setTime(time) { this.time = time; this.draw(); }
@@ -114,7 +120,9 @@ class View3D {
     if (pose) {
       const [x, y, z] = axesOf(pose.q);
       Object.assign(this, {eye: pose.p, right: x, up: y.map(v => -v), ahead: z, near: 0.02});
-      this.focal = 0.92 * Math.min(w / 2 / this.scene.frustum[0], h / 2 / this.scene.frustum[1]);
+      const [left, top, right, bottom] = this.scene.frustum;
+      this.focal = 0.94 * Math.min(w / (right - left), h / (bottom - top));
+      this.centre = [w / 2 - this.focal * (left + right) / 2, h / 2 - this.focal * (top + bottom) / 2];
       return;
     }
     const ce = Math.cos(this.elevation);
@@ -247,13 +255,20 @@ class View3D {
 
   paintFrustum() {
     const pose = poseAt(this.scene.smoothed, this.time);
-    if (!pose || this.throughCamera) return;
-    const [x, y, z] = axesOf(pose.q), [half, tall] = this.scene.frustum, depth = 0.16 * this.radius;
-    const corner = (sx, sy) => along(along(along(pose.p, depth, z), sx * half * depth, x), sy * tall * depth, y);
-    const corners = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
+    if (!pose) return;
+    const [x, y, z] = axesOf(pose.q), [left, top, right, bottom] = this.scene.frustum, depth = 0.12 * this.radius;
+    if (this.throughCamera) {
+      const [u, v] = this.centre, f = this.focal;
+      this.context.strokeStyle = this.colours.accent;
+      this.context.lineWidth = 1.5;
+      this.context.strokeRect(u + f * left, v + f * top, f * (right - left), f * (bottom - top));
+      return;
+    }
+    const corner = (sx, sy) => along(along(along(pose.p, depth, z), sx * depth, x), sy * depth, y);
+    const corners = [corner(left, top), corner(right, top), corner(right, bottom), corner(left, bottom)];
     const edges = corners.flatMap((a, i) => [[pose.p, a], [a, corners[(i + 1) % 4]]]);
     // A roof over the upper edge tells up from down.
-    const roof = along(along(pose.p, depth, z), -1.35 * tall * depth, y);
+    const roof = corner(0.5 * (left + right), 1.35 * top);
     edges.push([corners[0], roof], [roof, corners[1]]);
     this.strokeSegments(edges, this.colours.ground, 4);
     this.strokeSegments(edges, this.colours.accent, 2);
