@@ -2,12 +2,12 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <fstream>
 #include <memory>
 
 #include "arguments.hpp"
 #include "commands.hpp"
 #include "idol/io/reader.hpp"
+#include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/report.hpp"
 #include "run_recorder.hpp"
@@ -26,20 +26,14 @@ struct RunArguments {
   SpanArguments span;
 };
 
-void write_file(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text << std::flush;
-  if (!out) throw DataError(fmt::format("{}: cannot be written", path.string()));
-}
-
 void prepare_output(const std::filesystem::path& dir, Options options, const Rig& rig) {
   std::error_code error;
   std::filesystem::create_directories(dir, error);
   if (error) throw DataError(fmt::format("{}: cannot be created: {}", dir.string(), error.message()));
   std::vector<OptionField> fields;
   list_fields(options, fields);
-  write_file(dir / "config.yaml", dump_options(fields));
-  write_file(dir / "rig.yaml", rig_to_yaml(rig));
+  write_text_file(dir / "config.yaml", dump_options(fields));
+  write_text_file(dir / "rig.yaml", rig_to_yaml(rig));
 }
 
 // One line on a terminal, rewritten a few times a second; silent in a pipe.

@@ -4,10 +4,10 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 
 namespace idol::cli {
@@ -34,12 +34,6 @@ double peak_rss_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024;
-}
-
-void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text << std::flush;
-  if (!out) throw DataError(fmt::format("{}: cannot be written (disk full, or no permission?)", path.string()));
 }
 
 }  // namespace
@@ -120,7 +114,7 @@ void RunRecorder::write_windows() const {
     text += fmt::format("{},{:.6f},{},{},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t), r.duration_s,
                         r.events, r.segments, r.stats.lines, r.stats.residuals, r.stats.iterations, r.stats.cost,
                         r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
-  write_text(dir_ / "windows.csv", text);
+  write_text_file(dir_ / "windows.csv", text);
 }
 
 void RunRecorder::write_pictures() const {
@@ -165,7 +159,7 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
   stats["warnings"] = nlohmann::ordered_json::object();
   for (const auto& [kind, entry] : summary.diagnostics.entries())
     stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};
-  write_text(dir_ / "stats.json", stats.dump(2) + "\n");
+  write_text_file(dir_ / "stats.json", stats.dump(2) + "\n");
 }
 
 }  // namespace idol::cli

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <fstream>
 #include <memory>
 
 #include "arguments.hpp"
@@ -8,6 +7,7 @@
 #include "idol/frontend/segments.hpp"
 #include "idol/frontend/windower.hpp"
 #include "idol/io/reader.hpp"
+#include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 
 namespace idol::cli {
@@ -35,33 +35,15 @@ UndistortMap find_undistortion(const SegmentArguments& arguments) {
   return UndistortMap(width, height);
 }
 
-class LabelWriter {
- public:
-  explicit LabelWriter(const std::filesystem::path& path) : path_(path.string()), out_(path, std::ios::binary) { check(); }
-
-  void write(const EventWindow& window, const SegmentedWindow& segments) {
-    fmt::memory_buffer text;
-    for (std::size_t i = window.overlap; i < window.events.size(); ++i) {
-      const Event& e = window.events[i];
-      fmt::format_to(std::back_inserter(text), "{} {} {} {:d} {}\n", format_stamp(e.t), e.x, e.y, e.polarity,
-                     segments.ids[i]);
-    }
-    out_.write(text.data(), static_cast<std::streamsize>(text.size()));
-    check();
+void write_labels(TextWriter& writer, const EventWindow& window, const SegmentedWindow& segments) {
+  fmt::memory_buffer text;
+  for (std::size_t i = window.overlap; i < window.events.size(); ++i) {
+    const Event& e = window.events[i];
+    fmt::format_to(std::back_inserter(text), "{} {} {} {:d} {}\n", format_stamp(e.t), e.x, e.y, e.polarity,
+                   segments.ids[i]);
   }
-  void close() {
-    out_.close();
-    check();
-  }
-
- private:
-  void check() {
-    if (!out_) throw DataError(fmt::format("{}: cannot be written", path_));
-  }
-
-  std::string path_;
-  std::ofstream out_;
-};
+  writer.write({text.data(), text.size()});
+}
 
 int segment(const SegmentArguments& arguments) {
   const Options options = arguments.options.resolve();
@@ -75,10 +57,10 @@ int segment(const SegmentArguments& arguments) {
   const auto reader = open_reader(arguments.sequence, reading);
   install_interrupt_handler();
 
-  LabelWriter writer(arguments.out);
+  TextWriter writer(arguments.out);
   Windower windower(options.window);
   Segmenter segmenter(options.segment, undistort);
-  const auto process = [&](const EventWindow& window) { writer.write(window, segmenter.process(window)); };
+  const auto process = [&](const EventWindow& window) { write_labels(writer, window, segmenter.process(window)); };
   std::string failure;
   try {
     while (!interrupted()) {

@@ -9,17 +9,21 @@
 
 namespace idol {
 
-/// A text file being written. Call close() at the end: only then is it known that everything arrived.
+/// A text file being written; compressed if its name ends in .zst. Call close() at the end: only then is it known that
+/// everything arrived.
 class TextWriter {
  public:
   /// Throws DataError if the file cannot be created.
   explicit TextWriter(const std::filesystem::path& path);
+  ~TextWriter();
   /// Throws DataError if the disk refuses.
   void write(std::string_view text);
   /// Flushes and closes. Throws DataError if the disk refuses.
   void close();
 
  private:
+  class Compressor;
+  void put(const void* data, std::size_t size);
   struct Close {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
@@ -27,6 +31,7 @@ class TextWriter {
 
   std::string name_;
   std::unique_ptr<std::FILE, Close> file_;
+  std::unique_ptr<Compressor> compressor_;
 };
 
 /// Writes a whole file at once. Throws DataError if the disk refuses.

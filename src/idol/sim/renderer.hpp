@@ -1,0 +1,33 @@
+// Brightness of every pixel of a camera in a scene, with edges averaged over the pixel's area.
+#pragma once
+
+#include <vector>
+
+#include "idol/base/camera.hpp"
+#include "idol/sim/scene.hpp"
+
+namespace idol {
+
+class Renderer {
+ public:
+  Renderer(const Scene& scene, const Camera& camera);
+
+  /// Linear intensity of each pixel, row by row, seen from a camera pose.
+  [[nodiscard]] const std::vector<float>& render(const Pose& T_w_c);
+  /// Largest image motion of any visible shape's corner between two camera poses [px].
+  [[nodiscard]] double motion_px(const Pose& from, const Pose& to) const;
+
+ private:
+  void draw(const Shape& shape, const Pose& T_c_w);
+  void cover(const std::vector<Vec2>& polygon);
+  [[nodiscard]] std::vector<Vec2> project(const std::vector<Vec3>& polygon, const Pose& T_c_w) const;
+
+  Scene scene_;
+  Camera camera_;
+  UndistortMap undistort_;
+  std::vector<float> intensity_;
+  std::vector<float> coverage_;  // of the shape being drawn
+  double margin_px_ = 0;         // how far undistortion moves a pixel at most
+};
+
+}  // namespace idol
