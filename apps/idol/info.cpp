@@ -113,8 +113,13 @@ void print_imu(const RecordingSummary& s, Time origin) {
                                            std::min(s.events.last, s.imu.last))));
 }
 
-void print_groundtruth(const std::filesystem::path& sequence) {
-  const auto truth = read_groundtruth(sequence);
+void print_groundtruth(const std::filesystem::path& sequence, Diagnostics& diagnostics) {
+  std::optional<Trajectory> truth;
+  try {
+    truth = read_groundtruth(sequence);
+  } catch (const DataError& e) {
+    diagnostics.warn("bad_groundtruth", e.what());
+  }
   if (!truth) return;
   double length = 0;
   for (std::size_t i = 1; i < truth->size(); ++i) length += ((*truth)[i].T.p - (*truth)[i - 1].T.p).norm();
@@ -198,7 +203,7 @@ int info(const InfoArguments& arguments) {
     print_events(summary, origin);
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
-    print_groundtruth(arguments.sequence);
+    print_groundtruth(arguments.sequence, diagnostics);
     for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary)})
       for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
   }
