@@ -1,5 +1,6 @@
 #include "idol/backend/smoother.hpp"
 
+#include <ceres/loss_function.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
@@ -145,8 +146,15 @@ class Smoother::Problem {
                                   nullptr, ends.data());
       }
       problem_.AddResidualBlock(event_line_cost(o.seen.events, imu.bias(), owner_.projection_, noise).release(),
-                                nullptr, at(o.window).pose.data(), at(o.window).motion.data(), ends.data());
+                                observation_loss(o.seen.events.size()), at(o.window).pose.data(), at(o.window).motion.data(), ends.data());
     }
+  }
+
+  // The events of one observation err together (a wrong link, a corner): they are doubted together.
+  [[nodiscard]] ceres::LossFunction* observation_loss(std::size_t events) const {
+    const double sigmas = owner_.options_.observation_sigmas;
+    if (sigmas <= 0) return nullptr;
+    return new ceres::CauchyLoss(sigmas * std::sqrt(static_cast<double>(events)));
   }
 
   const Smoother& owner_;

@@ -16,19 +16,20 @@ namespace idol {
 
 struct BackendOptions {
   double event_sigma_px = 1.5;
-  double huber_sigmas = 1.5;
+  double huber_sigmas = 0.7;
+  double observation_sigmas = 0.5;
   double repulsion_sigma_px = 10;
   double attraction_sigma = 10;
   int max_events_per_observation = 20;
   int max_lines_per_window = 40;
-  int min_windows = 2;
+  int min_windows = 4;
   double first_depth_m = 2.0;
   double depth_prior_log = 1.0;
   double slant_prior_log = 0.5;
-  double cull_px = 3.0;
+  double cull_px = 1.5;
   double batch_s = 24;
   int lag_windows = 30;
-  int max_iterations = 6;
+  int max_iterations = 8;
   double gravity = 9.81;
   double start_velocity_sigma = 0.02;
   double moving_velocity_sigma = 1.0;
@@ -41,6 +42,8 @@ struct BackendOptions {
     visit("event_sigma_px", self.event_sigma_px, Range{0.05, 100}, "standard deviation of an event-to-line distance [px]");
     visit("huber_sigmas", self.huber_sigmas, Range{0, 100},
           "distances beyond count by their size, not its square; 0: never (the paper)");
+    visit("observation_sigmas", self.observation_sigmas, Range{0, 100},
+          "Cauchy loss on what one window saw of one line, its RMS in event_sigma_px; 0: none (the paper)");
     visit("repulsion_sigma_px", self.repulsion_sigma_px, Range{0.1, 1e4}, "standard deviation of the repulsion (paper IV-B) [px]");
     visit("attraction_sigma", self.attraction_sigma, Range{0.1, 1e4}, "standard deviation of the attraction (paper IV-B) [sqrt px]");
     visit("max_events_per_observation", self.max_events_per_observation, Range{2, 1e6},

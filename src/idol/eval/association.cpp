@@ -62,7 +62,8 @@ double stamp_seconds(Time t) {
   constexpr Time kExact = Time{1} << 53;
   constexpr Time kSecond = 1'000'000'000;
   if (t > -kExact && t < kExact) return static_cast<double>(t) / kNsPerS;
-  return static_cast<double>(t / kSecond) + static_cast<double>(t % kSecond) / kNsPerS;
+  const Time whole = t / kSecond;
+  return static_cast<double>(whole) + static_cast<double>(t % kSecond) / kNsPerS;
 }
 
 std::vector<Match> associate(const Trajectory& estimate, const Trajectory& groundtruth,

@@ -24,7 +24,7 @@ struct SegmentOptions {
   double normal_threshold = 0.95;
   int regrow_rounds = 2;
   double distance_threshold_px = 1.0;
-  bool same_polarity = true;
+  bool same_polarity = false;
   int min_events = 40;
   double min_length_px = 12;
   double gate_px = 2.0;

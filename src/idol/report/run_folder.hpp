@@ -1,0 +1,49 @@
+// What a run left in its folder, as far as it can be read.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "idol/base/camera.hpp"
+#include "idol/base/types.hpp"
+
+namespace idol {
+
+/// Columns of a CSV file by the name in its header. Entries that are not numbers are NaN.
+struct CsvColumns {
+  std::vector<Time> t;  ///< the column `t`
+  std::map<std::string, std::vector<double>> columns;
+
+  /// The column, or nullptr.
+  [[nodiscard]] const std::vector<double>* find(const std::string& name) const;
+};
+
+struct PictureFile {
+  std::filesystem::path path;
+  std::int64_t window = 0;
+  double seconds = 0;  ///< as in the file's name
+};
+
+/// Everything is empty where its file is missing or damaged; `notes` then says so.
+struct RunFolder {
+  Trajectory camera, imu, camera_causal, imu_causal;
+  Trajectory groundtruth;  ///< of the camera
+  std::vector<NavState> states;
+  std::vector<Line> lines;
+  CsvColumns windows;
+  std::optional<Camera> camera_model;  ///< of rig.yaml
+  std::string stats_json, evaluation_json, config_yaml, rig_yaml;
+  std::vector<PictureFile> pictures;  ///< by window
+  std::vector<std::string> notes;
+};
+
+/// Throws DataError when there is no such folder, or nothing of a run in it.
+RunFolder read_run_folder(const std::filesystem::path& dir);
+
+/// A whole file as bytes. Throws DataError.
+std::string read_file(const std::filesystem::path& path);
+
+}  // namespace idol
