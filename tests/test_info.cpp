@@ -15,7 +15,7 @@ void expect_says(const std::string& text, std::initializer_list<std::string> par
   for (const std::string& part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
 }
 
-std::string quoted(const std::filesystem::path& path) { return "'" + path.string() + "'"; }
+std::string quoted(const std::filesystem::path& path) { return fmt::format("'{}'", path.string()); }
 
 /// 4 s of events in a sensor of 240 x 180 with one hot pixel, and an IMU that turns to and fro.
 void write_recording(const TempDir& dir, double imu_from_s = 0, double imu_to_s = 4,
@@ -44,6 +44,15 @@ TEST(Info, TellsWhatAGoodRecordingHolds) {
   expect_says(result.out, {"40000 in 4.000 s", "mean 10.0 kev/s", "up to (239, 179)",
                            "hot pixels  1: (100, 50)", "800 samples", "200.0 Hz", "0 longer than 10 periods",
                            "2 poses in 4.000 s, 5.00 m", "no whole rig"});
+}
+
+TEST(Info, WarnsWhenTheRigBelongsToAnotherImu) {
+  const TempDir dir;
+  write_recording(dir);
+  const auto rig = std::filesystem::path(IDOL_DATA_DIR).parent_path() / "configs/rig_davis240c.yaml";
+  const auto result = run_idol("info " + quoted(dir.path()) + " --rig " + quoted(rig));
+  EXPECT_EQ(result.status, 0) << result.err;
+  expect_says(result.out, {"IMU at 200 Hz, but 1000 Hz in the rig", "240 x 180"});
 }
 
 TEST(Info, WarnsOfWhatWillHurt) {

@@ -44,15 +44,16 @@ TEST(Number, ScientificStampsAreExact) {
 TEST(Number, WhatIsNoStampIsRefused) {
   for (const char* token :
        {"", "-", ".", "e5", "1.2.3", "1e", "abc", "nan", "inf", "1x", "0x10", "1468939993067416019", "1e10",
-        "1e99999999999", "9300000000", "--1", "+-1", "1,5"}) {
+        "1e99999999999", "4600000001", "--1", "+-1", "1,5"}) {
     EXPECT_FALSE(parse_stamp(token)) << token;
   }
 }
 
 TEST(Number, StampsComeBackFromText) {
   std::mt19937_64 rng(1);
+  std::uniform_int_distribution<Time> any(-kLargestStamp, kLargestStamp);
   for (int i = 0; i < 2000; ++i) {
-    const Time t = static_cast<Time>(rng() % 17'000'000'000'000'000'000ULL) - 8'500'000'000'000'000'000;
+    const Time t = any(rng);
     EXPECT_EQ(parse_stamp(format_stamp(t)), t);
   }
   EXPECT_EQ(format_stamp(-1), "-0.000000001");

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -113,8 +114,13 @@ void print_imu(const RecordingSummary& s, Time origin) {
                                            std::min(s.events.last, s.imu.last))));
 }
 
-void print_groundtruth(const std::filesystem::path& sequence) {
-  const auto truth = read_groundtruth(sequence);
+void print_groundtruth(const std::filesystem::path& sequence, Diagnostics& diagnostics) {
+  std::optional<Trajectory> truth;
+  try {
+    truth = read_groundtruth(sequence);
+  } catch (const DataError& e) {
+    diagnostics.warn("bad_groundtruth", e.what());
+  }
   if (!truth) return;
   double length = 0;
   for (std::size_t i = 1; i < truth->size(); ++i) length += ((*truth)[i].T.p - (*truth)[i - 1].T.p).norm();
@@ -123,11 +129,16 @@ void print_groundtruth(const std::filesystem::path& sequence) {
 }
 
 /// What will hurt a run, in words.
-std::vector<std::string> judge_imu(const RecordingSummary& s) {
+std::vector<std::string> judge_imu(const RecordingSummary& s, const Calibration& calibration) {
   std::vector<std::string> warnings;
   if (s.imu.count < 2) return {"no IMU data: 'idol segment' works without, 'idol run' does not"};
   const double rate = 1 / s.imu_period_s().value_or(1e9);
   if (rate < 100) warnings.push_back(fmt::format("IMU at {:.0f} Hz: fast motion is lost below 100 Hz", rate));
+  if (calibration.rig && std::abs(calibration.rig->imu.rate_hz / rate - 1) > 0.2) {
+    warnings.push_back(
+        fmt::format("IMU at {:.0f} Hz, but {:.0f} Hz in the rig: is it that of another sensor?", rate,
+                    calibration.rig->imu.rate_hz));
+  }
   if (const auto gaps = s.imu_gaps(); gaps > 0)
     warnings.push_back(
         fmt::format("IMU has {} gaps, the longest of {:.3f} s: the estimate drifts or restarts there", gaps,
@@ -198,8 +209,8 @@ int info(const InfoArguments& arguments) {
     print_events(summary, origin);
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
-    print_groundtruth(arguments.sequence);
-    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary)})
+    print_groundtruth(arguments.sequence, diagnostics);
+    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration)})
       for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
   }
   for (const auto& [kind, entry] : diagnostics.entries())

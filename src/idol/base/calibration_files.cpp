@@ -21,7 +21,8 @@ Distortion distortion_of(const YamlNode& node) {
   if (name == "radtan" || name == "plumb_bob") return Distortion::kRadTan;
   if (name == "equidistant") return Distortion::kEquidistant;
   if (name == "none") return Distortion::kNone;
-  node.refuse(fmt::format("'{}' is not supported; calibrate with radtan, equidistant or none", name));
+  node.refuse(
+      fmt::format("'{}' is not supported; calibrate with radtan, equidistant or none", printable(name)));
 }
 
 int pixels(const YamlNode& node) {
@@ -37,7 +38,8 @@ Camera lens_of(const YamlNode& cam) {
   if (cam.has("camera_model")) {
     const YamlNode model = cam.at("camera_model");
     if (model.text() != "pinhole")
-      model.refuse(fmt::format("'{}' is not supported; calibrate with the pinhole model", model.text()));
+      model.refuse(
+          fmt::format("'{}' is not supported; calibrate with the pinhole model", printable(model.text())));
   }
   const YamlNode intrinsics = cam.at("intrinsics");
   const std::vector<double> f = intrinsics.numbers();

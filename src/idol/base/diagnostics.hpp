@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace idol {
 
@@ -17,6 +18,15 @@ class DataError : public std::runtime_error {
 class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+/// A piece of foreign text that may stand in a message: short, one line, printable.
+inline std::string printable(std::string_view text) {
+  constexpr std::size_t kLongest = 40;
+  std::string shown(text.substr(0, kLongest));
+  for (char& c : shown)
+    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) > 0x7e) c = '?';
+  return text.size() > kLongest ? shown + "..." : shown;
+}
 
 /// Survivable oddities by kind; each kind keeps its first message and a count.
 class Diagnostics {

@@ -72,8 +72,8 @@ void find_resolution(const Sources& sources, Camera& camera, Diagnostics* diagno
   constexpr int kDavis240Width = 240;
   constexpr int kDavis240Height = 180;
   constexpr double kLargestOffset = 30;  // [px]; no other common sensor has its centre so near
-  if (std::abs(camera.cx - kDavis240Width / 2) > kLargestOffset) return;
-  if (std::abs(camera.cy - kDavis240Height / 2) > kLargestOffset) return;
+  if (std::abs(camera.cx - 0.5 * kDavis240Width) > kLargestOffset) return;
+  if (std::abs(camera.cy - 0.5 * kDavis240Height) > kLargestOffset) return;
   camera.width = kDavis240Width;
   camera.height = kDavis240Height;
   if (diagnostics == nullptr) return;

@@ -48,7 +48,7 @@ double YamlNode::number() const {
   // Not yaml-cpp's own conversion: that one follows the locale.
   const auto [stop, error] = std::from_chars(begin, end, result);
   if (stop != end || error != std::errc() || !std::isfinite(result))
-    refuse(fmt::format("'{:.40}' is not a finite number", value));
+    refuse(fmt::format("'{}' is not a finite number", printable(value)));
   return result;
 }
 

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace idol {
@@ -30,8 +31,8 @@ class YamlNode {
   [[noreturn]] void refuse(const std::string& why) const;
 
  private:
-  YamlNode(YAML::Node node, std::string file, std::string key)
-      : node_(std::move(node)), file_(std::move(file)), key_(std::move(key)) {}
+  YamlNode(const YAML::Node& node, std::string file, std::string key)
+      : node_(node), file_(std::move(file)), key_(std::move(key)) {}
 
   YAML::Node node_;
   std::string file_;

@@ -109,7 +109,7 @@ std::optional<Time> parse_stamp(std::string_view token) {
   for (std::int64_t i = 0; i < places; ++i)
     nanoseconds = nanoseconds * 10 + static_cast<std::uint64_t>(digit(i));
   if (places >= 0 && digit(places) >= 5) ++nanoseconds;
-  if (nanoseconds > static_cast<std::uint64_t>(std::numeric_limits<Time>::max())) return std::nullopt;
+  if (nanoseconds > static_cast<std::uint64_t>(kLargestStamp)) return std::nullopt;
   t = static_cast<Time>(nanoseconds);
   return negative ? -t : t;
 }

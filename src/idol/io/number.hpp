@@ -25,8 +25,12 @@ std::optional<double> parse_double(std::string_view token);
 /// A whole token as an integer; nullopt if it is not one.
 std::optional<std::int64_t> parse_integer(std::string_view token);
 
+/// Stamps lie within +-145 years of zero, so that the difference of any two is a Time as well [ns].
+constexpr Time kLargestStamp = 4'600'000'000'000'000'000;
+
 /// Decimal seconds as nanoseconds, exactly, halves of a nanosecond away from zero; any number of digits,
-/// scientific notation too. nullopt if it is no finite number or beyond +-292 years.
+/// scientific notation too. nullopt if it is no finite number or beyond
+/// kLargestStamp.
 std::optional<Time> parse_stamp(std::string_view token);
 
 inline bool is_digit(char c) { return static_cast<unsigned char>(c - '0') < 10; }
@@ -41,7 +45,7 @@ inline const char* parse_plain_stamp(const char* p, const char* end, Time& t) {
   const char* start = p;
   std::int64_t seconds = 0;
   for (; p != end && is_digit(*p) && p - start < 11; ++p) seconds = seconds * 10 + (*p - '0');
-  if (p == start || seconds >= 9'000'000'000) return nullptr;
+  if (p == start || seconds >= kLargestStamp / 1'000'000'000) return nullptr;
   std::int64_t fraction = 0;
   if (p != end && *p == '.') {
     start = ++p;

@@ -5,18 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <span>
+
+#include "idol/base/diagnostics.hpp"
 
 namespace idol {
 namespace {
-
-/// A piece of a damaged line that may be shown: short, and without unprintable characters.
-std::string shown(std::string_view token) {
-  std::string text(token.substr(0, 24));
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) > 0x7e) c = '?';
-  return text;
-}
 
 bool is_binary(std::string_view line) {
   return std::any_of(line.begin(), line.end(),
@@ -36,7 +29,7 @@ RowResult read_numbers(std::string_view line, const char* meaning, std::array<st
   for (std::size_t i = 0; i < N; ++i) {
     const auto value = parse_double(columns[i]);
     if (!value)
-      return {RowStatus::kBroken, fmt::format("'{}' is not a number ({})", shown(columns[i]), meaning)};
+      return {RowStatus::kBroken, fmt::format("'{}' is not a number ({})", printable(columns[i]), meaning)};
     values[i] = *value;
     finite = finite && std::isfinite(*value);
   }
@@ -45,8 +38,9 @@ RowResult read_numbers(std::string_view line, const char* meaning, std::array<st
 }
 
 RowResult bad_stamp(std::string_view token) {
-  return {RowStatus::kBroken,
-          fmt::format("'{}' cannot be a stamp in seconds; are these micro- or nanoseconds?", shown(token))};
+  return {
+      RowStatus::kBroken,
+      fmt::format("'{}' cannot be a stamp in seconds; are these micro- or nanoseconds?", printable(token))};
 }
 
 }  // namespace
@@ -62,11 +56,11 @@ RowResult EventParser::explain(std::string_view line, Event& event) const {
   if (!t) return bad_stamp(columns[0]);
   if (x != std::floor(x) || y != std::floor(y)) {
     return {RowStatus::kBroken,
-            fmt::format("pixel ({}, {}) is not whole: events must be raw, not undistorted", shown(columns[1]),
-                        shown(columns[2]))};
+            fmt::format("pixel ({}, {}) is not whole: events must be raw, not undistorted",
+                        printable(columns[1]), printable(columns[2]))};
   }
   if (polarity != 0 && polarity != 1 && polarity != -1)
-    return {RowStatus::kBroken, fmt::format("polarity '{}' is none of 0, 1, -1", shown(columns[3]))};
+    return {RowStatus::kBroken, fmt::format("polarity '{}' is none of 0, 1, -1", printable(columns[3]))};
   if (!(x >= 0 && x < width_ && y >= 0 && y < height_)) {
     return {RowStatus::kOutside,
             fmt::format("pixel ({}, {}) lies outside the sensor of {} x {}", x, y, width_, height_)};

@@ -15,19 +15,20 @@ void TableRow::refuse(const std::string& why) const { throw DataError(fmt::forma
 
 double TableRow::number(std::size_t i) const {
   const auto value = parse_double(columns_[i]);
-  if (!value || !std::isfinite(*value)) refuse(fmt::format("'{:.24}' is not a finite number", columns_[i]));
+  if (!value || !std::isfinite(*value))
+    refuse(fmt::format("'{}' is not a finite number", printable(columns_[i])));
   return *value;
 }
 
 Time TableRow::stamp(std::size_t i) const {
   const auto value = parse_stamp(columns_[i]);
-  if (!value) refuse(fmt::format("'{:.24}' is not a stamp in seconds", columns_[i]));
+  if (!value) refuse(fmt::format("'{}' is not a stamp in seconds", printable(columns_[i])));
   return *value;
 }
 
 std::int64_t TableRow::integer(std::size_t i) const {
   const auto value = parse_integer(columns_[i]);
-  if (!value) refuse(fmt::format("'{:.24}' is not an integer", columns_[i]));
+  if (!value) refuse(fmt::format("'{}' is not an integer", printable(columns_[i])));
   return *value;
 }
 
