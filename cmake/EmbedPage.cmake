@@ -8,7 +8,7 @@ function(idol_write_page_source page_dir output)
     string(REPLACE "@${part}@" "${text}" page "${page}")
   endforeach()
   file(WRITE ${output} "#include <string_view>\n\nnamespace idol {\n\n"
-    "extern const std::string_view kReportPage;\nconst std::string_view kReportPage = R\"idol_page(${page})idol_page\";\n\n"
+    "std::string_view report_page();\nstd::string_view report_page() { return R\"idol_page(${page})idol_page\"; }\n\n"
     "}  // namespace idol\n")
 endfunction()
 

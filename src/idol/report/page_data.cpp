@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "idol/base/camera.hpp"
 #include "idol/base/diagnostics.hpp"
@@ -41,14 +42,16 @@ Json numbers(const std::vector<double>& values, double (*round)(double)) {
   return out;
 }
 
-Time page_zero(const RunFolder& run) {
+std::optional<Time> page_zero(const RunFolder& run) {
   std::vector<Time> first;
   for (const Trajectory* trajectory : {&run.camera, &run.camera_causal, &run.imu})
     if (!trajectory->empty()) first.push_back(trajectory->front().t);
   if (!run.states.empty()) first.push_back(run.states.front().t);
   if (first.empty() && !run.windows.t.empty()) first.push_back(run.windows.t.front());
-  if (first.empty() && !run.lines.empty()) first.push_back(run.lines.front().first);
-  return first.empty() ? 0 : *std::min_element(first.begin(), first.end());
+  if (first.empty())
+    for (const Line& line : run.lines) first.push_back(line.first);
+  if (first.empty()) return std::nullopt;
+  return *std::min_element(first.begin(), first.end());
 }
 
 Json trajectory_json(const Trajectory& trajectory, const std::string& name, Time zero,
@@ -200,13 +203,14 @@ Json frustum_json(const RunFolder& run) {
 
 std::string page_data(const RunFolder& run) {
   std::vector<std::string> notes = run.notes;
-  const Time zero = page_zero(run);
+  const std::optional<Time> first = page_zero(run);
+  const Time zero = first.value_or(0);
   const AlignedTruth truth = align_truth(run.camera, run.groundtruth);
   const AlignedTruth causal_truth = align_truth(run.camera_causal, run.groundtruth);
   if (!run.groundtruth.empty() && !run.camera.empty() && truth.matched.size() == 0)
     notes.emplace_back("No pose of the estimate has a ground-truth pose within 20 ms: no comparison.");
   Json data;
-  data["zero"] = format_stamp(zero);
+  data["zero"] = first ? Json(format_stamp(zero)) : Json(nullptr);
   data["stats"] = parsed(run.stats_json, "stats.json", notes);
   data["evaluations"] = evaluations_json(run, notes);
   data["smoothed"] = trajectory_json(run.camera, "smoothed", zero, notes);

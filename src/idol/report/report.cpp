@@ -10,15 +10,16 @@
 namespace idol {
 
 /// The page with style and scripts in place; made from src/idol/report/page at build time.
-extern const std::string_view kReportPage;
+std::string_view report_page();
 
 void write_report(const std::filesystem::path& run_dir) {
   constexpr std::string_view kMark = "@IDOL_RUN_DATA@";
   const std::string data = page_data(read_run_folder(run_dir));
-  const std::size_t mark = kReportPage.find(kMark);
-  std::string page(kReportPage.substr(0, mark));
+  const std::string_view empty_page = report_page();
+  const std::size_t mark = empty_page.find(kMark);
+  std::string page(empty_page.substr(0, mark));
   page += data;
-  page += kReportPage.substr(mark + kMark.size());
+  page += empty_page.substr(mark + kMark.size());
   write_text_file(run_dir / "report.html", page);
 }
 

@@ -118,7 +118,8 @@ RunFolder read_run_folder(const fs::path& dir) {
   collect.take(run.states, "states.csv", "velocity and biases", read_states);
   collect.take(run.lines, "lines.csv", "lines and their track lengths", read_lines_csv);
   collect.take(run.windows, "windows.csv", "the curves by window", read_csv);
-  collect.take(run.groundtruth, "groundtruth_camera.txt", "ground truth and errors", read_trajectory);
+  collect.take(run.groundtruth, "groundtruth_camera.txt", "the comparison with ground truth",
+               read_trajectory);
   collect.take(run.evaluation_json, "evaluation.json", "", read_file);
   collect.take(run.config_yaml, "config.yaml", "the configuration", read_file);
   collect.take(run.rig_yaml, "rig.yaml", "the rig", read_file);

@@ -4,8 +4,6 @@ const $ = id => document.getElementById(id);
 const reveal = id => { $(id).hidden = false; };
 const redraws = [];
 
-fillHeader(data);
-
 let view = null, charts = null;
 const endTime = data.smoothed.t.length ? data.smoothed.t.at(-1) : 0;
 function setTime(time) {
@@ -141,11 +139,14 @@ function fillFilesAndNotes() {
   }
 }
 
-fillView();
-fillEvaluations();
-fillCurves();
-fillSummary();
-fillPictures();
-fillFilesAndNotes();
+// A part that meets something unforeseen must not take the rest of the page with it.
+for (const [name, fill] of [["header", () => fillHeader(data)], ["3D view", fillView], ["evaluation", fillEvaluations],
+  ["curves", fillCurves], ["summary", fillSummary], ["pictures", fillPictures], ["notes", fillFilesAndNotes]])
+  try {
+    fill();
+  } catch (error) {
+    reveal("notes-section");
+    $("notes").append(el("li", {}, `The part "${name}" could not be drawn: ${error.message}`));
+  }
 if (endTime) setTime(endTime);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraws.forEach(redraw => redraw()));

@@ -64,11 +64,12 @@ class View3D {
 
   // Box of everything but stray lines, and the grid beneath it.
   measure() {
-    const low = [], high = [];
+    const low = [], high = [], often = this.scene.lines.filter(line => line.windows > 2);
+    const lines = often.length > 10 ? often : this.scene.lines;
     for (let k = 0; k < 3; ++k) {
-      const ends = this.scene.lines.flatMap(line => [line.a[k], line.b[k]]).sort((a, b) => a - b);
+      const ends = lines.flatMap(line => [line.a[k], line.b[k]]).sort((a, b) => a - b);
       const path = ["smoothed", "truth"].flatMap(name => this.scene[name].p.filter((_, i) => i % 3 === k));
-      const values = ends.length ? [quantile(ends, 0.02), quantile(ends, 0.98)] : [];
+      const values = ends.length ? [quantile(ends, 0.05), quantile(ends, 0.95)] : [];
       for (const v of path) values.push(v);
       low[k] = values.reduce((a, b) => Math.min(a, b), Infinity);
       high[k] = values.reduce((a, b) => Math.max(a, b), -Infinity);
@@ -256,7 +257,7 @@ class View3D {
   paintFrustum() {
     const pose = poseAt(this.scene.smoothed, this.time);
     if (!pose) return;
-    const [x, y, z] = axesOf(pose.q), [left, top, right, bottom] = this.scene.frustum, depth = 0.12 * this.radius;
+    const [x, y, z] = axesOf(pose.q), [left, top, right, bottom] = this.scene.frustum, depth = Math.min(0.12 * this.radius, 0.09 * this.distance);
     if (this.throughCamera) {
       const [u, v] = this.centre, f = this.focal;
       this.context.strokeStyle = this.colours.accent;
