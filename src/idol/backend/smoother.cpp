@@ -64,8 +64,7 @@ class Smoother::Problem {
     }
     options.linear_solver_ordering = ordering;
     ceres::Solver::Summary summary;
-    options.logging_type = ceres::PER_MINIMIZER_ITERATION; options.minimizer_progress_to_stdout = getenv("DBG");
-    ceres::Solve(options, &problem_, &summary);if(getenv("DBG")) puts(summary.BriefReport().c_str());
+    ceres::Solve(options, &problem_, &summary);
     return summary;
   }
 
