@@ -42,6 +42,19 @@ Motion inverse(const Motion& motion) {
   return out;
 }
 
+// With Exp(-theta) R^T x = R^T x + hat(R^T x) theta: derivatives of the above by errors of (dp, dtheta, dv).
+Mat9 inverse_covariance(const Motion& motion, const Mat9& covariance) {
+  const Motion back = inverse(motion);
+  Mat9 J = Mat9::Zero();
+  J.block<3, 3>(0, 0) = -back.dR;
+  J.block<3, 3>(0, 3) = hat(back.dp);
+  J.block<3, 3>(0, 6) = motion.dt * back.dR;
+  J.block<3, 3>(3, 3) = -motion.dR;
+  J.block<3, 3>(6, 3) = hat(back.dv);
+  J.block<3, 3>(6, 6) = -back.dR;
+  return J * covariance * J.transpose();
+}
+
 NavState predict(const NavState& begin, const Preintegrated& motion, const ImuBias& bias,
                  const Vec3& gravity) {
   const Vec3 dbg = begin.bias.gyro - bias.gyro;

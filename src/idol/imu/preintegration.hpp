@@ -45,6 +45,8 @@ Motion operator*(const Motion& first, const Motion& second);
 Preintegrated operator*(const Preintegrated& first, const Preintegrated& second);
 /// dX(1,0) from dX(0,1).
 Motion inverse(const Motion& motion);
+/// Covariance of inverse(motion) from that of `motion`, both of (dp, dtheta, dv).
+Mat9 inverse_covariance(const Motion& motion, const Mat9& covariance);
 
 /// State at the preintegrated time from the state at the window's begin (paper eq. 4). The biases used are
 /// those of `begin`; `bias` are those that the preintegration was computed with. `gravity` in the world
