@@ -45,9 +45,15 @@ FitPolynomial rotation_since_begin(const FitPolynomial& rate) {
 Mat3 rotation(const Vec3& theta) {
   const double x = theta.squaredNorm();
   if (x > 0.2) return so3_exp(theta);
-  const double a = 1 - x / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110 * (1 - x / 156)))));
-  const double b =
-      0.5 * (1 - x / 12 * (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132 * (1 - x / 182))))));
+  constexpr double kSine[] = {1,           -1. / 6,        1. / 120,        -1. / 5040,
+                              1. / 362880, -1. / 39916800, 1. / 6227020800.};  // of sin(a) / a in a^2
+  constexpr double kCosine[] = {1. / 2,       -1. / 24,        1. / 720,         -1. / 40320,
+                                1. / 3628800, -1. / 479001600, 1. / 87178291200.};  // of (1 - cos a) / a^2
+  double a = kSine[6], b = kCosine[6];
+  for (int i = 5; i >= 0; --i) {
+    a = a * x + kSine[i];
+    b = b * x + kCosine[i];
+  }
   const double p = theta.x(), q = theta.y(), r = theta.z();
   const double c = 1 - b * x;  // cosine
   Mat3 E;
@@ -83,7 +89,7 @@ Mat3 cross_columns(const Vec3& a, const Mat3& B) {
 Preintegration::Preintegration(std::span<const ImuSample> samples, Time begin, Time end, const ImuBias& bias,
                                const ImuNoise& noise, const PreintegrationOptions& options)
     : begin_(begin), end_(end), bias_(bias), options_(options) {
-  const PreparedSamples prepared = prepare_samples(samples, begin, end, bias, noise, options);
+  PreparedSamples prepared = prepare_samples(samples, begin, end, bias, noise, options);
   quality_ = prepared.quality;
   build_rotation(prepared);
   build_velocity(prepared);
@@ -116,6 +122,7 @@ void Preintegration::build_rotation(const PreparedSamples& samples) {
     Interval& interval = intervals_[k];
     interval.s = times[k];
     interval.length = times[k + 1] - times[k];
+    interval.per_length = 1 / interval.length;
     interval.R = R;
     interval.rate = interval.length * fit(fit_rate, samples, k, samples.gyro);
     interval.angle = rotation_since_begin(interval.rate);
@@ -123,12 +130,12 @@ void Preintegration::build_rotation(const PreparedSamples& samples) {
   }
   const auto stretches = std::clamp<std::size_t>(
       static_cast<std::size_t>((last_s_ - times[0]) / samples.period) + 1, 1, 4 * intervals_.size());
-  lookup_length_ = (last_s_ - times[0]) / static_cast<double>(stretches);
+  lookup_per_second_ = static_cast<double>(stretches) / (last_s_ - times[0]);
   lookup_.resize(stretches);
   std::size_t k = 0;
   for (std::size_t i = 0; i < stretches; ++i) {
     while (k + 1 < intervals_.size() &&
-           intervals_[k + 1].s <= times[0] + static_cast<double>(i) * lookup_length_)
+           intervals_[k + 1].s <= times[0] + static_cast<double>(i) / lookup_per_second_)
       ++k;
     lookup_[i] = static_cast<std::uint32_t>(k);
   }
@@ -179,7 +186,7 @@ void Preintegration::build_velocity(const PreparedSamples& samples) {
 }
 
 std::size_t Preintegration::find(double s) const {
-  const double stretch = (s - intervals_[0].s) / lookup_length_;
+  const double stretch = (s - intervals_[0].s) * lookup_per_second_;
   const auto i = stretch > 0 ? std::min(static_cast<std::size_t>(stretch), lookup_.size() - 1) : 0;
   std::size_t k = lookup_[i];
   while (k + 1 < intervals_.size() && intervals_[k + 1].s <= s) ++k;
@@ -190,7 +197,7 @@ double Preintegration::clamp(double s) const { return std::clamp(s, intervals_[0
 
 Motion Preintegration::evaluate(const Interval& interval, double s) {
   const double tau = s - interval.s;
-  const double u = tau / interval.length;
+  const double u = tau * interval.per_length;
   const Powers powers = powers_of(u);
   const Vec3 theta = interval.angle.transpose() * (u * powers);
   Motion out;
@@ -217,8 +224,9 @@ Preintegration::Local Preintegration::local(const Interval& interval, double u, 
   Powers slopes;
   slopes[0] = 0;
   for (int i = 1; i < kFitCoefficients; ++i) slopes[i] = i * powers[i - 1];
-  return {R, interval.rate.transpose() * powers / interval.length, interval.accel.transpose() * powers,
-          interval.accel.transpose() * slopes / interval.length};
+  const double per_length = interval.per_length;
+  return {R, per_length * (interval.rate.transpose() * powers), interval.accel.transpose() * powers,
+          per_length * (interval.accel.transpose() * slopes)};
 }
 
 // The trapezium rule with its end correction, h/2 (f0 + f1) + h^2/12 (f0' - f1'): of fourth order, both ways
@@ -265,7 +273,7 @@ Preintegrated Preintegration::at(Time t) const {
   const Interval& interval = intervals_[k];
   Preintegrated out;
   static_cast<Motion&>(out) = evaluate(interval, s);
-  const Local here = local(interval, (s - interval.s) / interval.length, out.dR);
+  const Local here = local(interval, (s - interval.s) * interval.per_length, out.dR);
   const BiasIntegrals sums =
       integrate(bias_integrals_[k], local(interval, 0, interval.R), here, s - interval.s);
   out.d_R_d_bg = -out.dR.transpose() * sums.K;
@@ -285,7 +293,8 @@ Preintegrated Preintegration::at(Time t) const {
 Vec3 Preintegration::angular_rate(Time t) const {
   const double s = clamp(since_begin(t));
   const Interval& interval = intervals_[find(s)];
-  return interval.rate.transpose() * powers_of((s - interval.s) / interval.length) / interval.length;
+  return interval.per_length *
+         (interval.rate.transpose() * powers_of((s - interval.s) * interval.per_length));
 }
 
 }  // namespace idol

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "idol/base/rig.hpp"
@@ -83,8 +84,8 @@ class Preintegration {
  private:
   // Between two samples, u = (s - begin of the interval) / length in [0, 1].
   struct Interval {
-    double s = 0, length = 0;  // [s]
-    Mat3 R;                    // at u = 0, and so v and p
+    double s = 0, length = 0, per_length = 0;  // [s], [1/s]
+    Mat3 R;                                    // at u = 0, and so v and p
     Vec3 v, p;
     FitPolynomial rate;   // angular rate x length, in the IMU frame
     FitPolynomial angle;  // rotation since u = 0: row i the coefficient of u^(i+1)
@@ -101,6 +102,15 @@ class Preintegration {
     Vec3 rate, accel, jerk;
   };
 
+  // Covariance of the errors of rotation (on the left of dR), velocity and position, by blocks.
+  struct ErrorBlocks {
+    Mat3 RR = Mat3::Zero(), VR = Mat3::Zero(), PR = Mat3::Zero();
+    Mat3 VV = Mat3::Zero(), PV = Mat3::Zero(), PP = Mat3::Zero();
+
+    void carry(const Vec3& dv, const Vec3& dp, double h);
+    void add(const Mat3& gyro, const Mat3& accel, const Vec3& a, double c, double lag);
+  };
+
   [[nodiscard]] double since_begin(Time t) const { return seconds_between(begin_, t); }
   [[nodiscard]] std::size_t find(double s) const;
   [[nodiscard]] double clamp(double s) const;
@@ -112,12 +122,14 @@ class Preintegration {
   void build_rotation(const PreparedSamples& samples);
   void build_velocity(const PreparedSamples& samples);
   void build_bias_integrals();
-  void build_covariance(const PreparedSamples& samples);
+  void build_covariance(PreparedSamples& samples);
   [[nodiscard]] FitPolynomial fit(const IntervalFit& fit, const PreparedSamples& samples, std::size_t k,
                                   std::span<const Vec3> values) const;
-  [[nodiscard]] Mat9 carried(std::size_t k, double s) const;
-  void add_own_share(Mat9& S, std::size_t k, double s) const;
-  void add_next_share(Mat9& S, std::size_t k, double s) const;
+  void advance_errors(std::size_t k, ErrorBlocks& errors) const;
+  [[nodiscard]] std::pair<double, double> rising_share(std::size_t k) const;
+  void add_own_share(ErrorBlocks& errors, std::size_t k, double s) const;
+  void add_next_share(ErrorBlocks& errors, std::size_t k, double s) const;
+  void add_gap(ErrorBlocks& errors, std::size_t k, double s) const;
   [[nodiscard]] Vec3 acceleration(std::size_t k) const { return intervals_[k].accel.row(0); }
 
   Time begin_, end_;
@@ -129,12 +141,13 @@ class Preintegration {
   std::size_t first_interval_ = 0;  // the one that holds the begin
   std::vector<Interval> intervals_;
   std::vector<std::uint32_t> lookup_;  // first interval that reaches into each of equal stretches of time
-  double lookup_length_ = 0;
+  double lookup_per_second_ = 0;
   std::vector<BiasIntegrals> bias_integrals_;  // at each interval's begin
-  // At each interval's begin, from first_interval_ on, in the order rotation (left of dR), velocity,
-  // position: what the samples whose share ends there have brought.
-  std::vector<Mat9> covariance_;
-  std::vector<Mat3> gyro_noise_, accel_noise_;  // of each sample, turned into the frame of the begin
+  // At the begin of every kErrorStride-th interval from first_interval_ on: what the samples whose share ends
+  // there have brought.
+  static constexpr std::size_t kErrorStride = 8;
+  std::vector<ErrorBlocks> errors_;
+  std::vector<Vec3> gyro_variance_, accel_variance_;  // of each sample
   std::vector<bool> gap_;
 };
 
