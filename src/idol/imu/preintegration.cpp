@@ -65,11 +65,13 @@ Mat3 rotation(const Vec3& theta) {
 
 using Powers = Eigen::Matrix<double, kFitCoefficients, 1>;
 
-// 1, u, ..., u^7.
+// 1, u, ..., u^7; by pairs, as the processor will load them again.
 Powers powers_of(double u) {
   Powers out;
-  out[0] = 1;
-  for (int i = 1; i < kFitCoefficients; ++i) out[i] = out[i - 1] * u;
+  const double square = u * u;
+  Vec2 pair(1, u);
+  out.head<2>() = pair;
+  for (int i = 2; i < kFitCoefficients; i += 2) out.segment<2>(i) = pair = square * pair;
   return out;
 }
 
