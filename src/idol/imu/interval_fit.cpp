@@ -15,7 +15,7 @@
 namespace idol {
 namespace {
 
-constexpr std::size_t kGpSamples = 16;
+constexpr std::size_t kGpSamples = kMostFitSamples;
 
 // The samples around interval k of `count` intervals + 1: as many on both sides as there are, `wanted` in
 // all.
@@ -128,6 +128,24 @@ FitPolynomial IntervalFit::through_neighbours(std::size_t k, std::span<const Vec
     for (auto j = static_cast<Eigen::Index>(count - 1 - i); j > 0; --j)
       out.row(j) = out.row(j - 1) - u[i] * out.row(j);
     out.row(0) = difference[i].transpose() - u[i] * out.row(0);
+  }
+  return out;
+}
+
+FitWeights IntervalFit::regular_weights() const {
+  constexpr std::array<int, 3> kSamples = {kGpSamples, 2, kFitCoefficients};
+  const int count = kSamples[static_cast<std::size_t>(method_)];
+  PreintegrationOptions options;
+  options.method = method_;
+  options.length_scale_samples = length_scale_;
+  std::vector<double> times(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) times[static_cast<std::size_t>(i)] = i;
+  const IntervalFit fit(times, 1, options, noise_ratio_);
+  FitWeights out(kFitCoefficients, count);
+  for (int i = 0; i < count; ++i) {
+    std::vector<Vec3> unit(times.size(), Vec3::Zero());
+    unit[static_cast<std::size_t>(i)].x() = 1;
+    out.col(i) = fit(times.size() / 2 - 1, unit).col(0);
   }
   return out;
 }

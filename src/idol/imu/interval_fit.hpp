@@ -20,6 +20,9 @@ using FitPolynomial = Eigen::Matrix<double, kFitCoefficients, 3>;
 /// Weights of the samples around an interval in its polynomial's coefficients, 8 x samples.
 using FitWeights = Eigen::Matrix<double, kFitCoefficients, Eigen::Dynamic>;
 
+/// Most samples that shape one interval.
+constexpr std::size_t kMostFitSamples = 16;
+
 /// Fits each interval of a sampled signal, in time that does not depend on the number of samples.
 /// - continuous: the polynomial through the eight samples around; fewer across holes, where a high degree
 /// would swing.
@@ -36,6 +39,10 @@ class IntervalFit {
 
   /// The signal with these `values` at the times, between times[k] and times[k + 1].
   [[nodiscard]] FitPolynomial operator()(std::size_t k, std::span<const Vec3> values) const;
+
+  /// The weights of the samples around an interval in the middle of a regular grid; an even number of
+  /// samples.
+  [[nodiscard]] FitWeights regular_weights() const;
 
  private:
   [[nodiscard]] FitPolynomial through_neighbours(std::size_t k, std::span<const Vec3> values) const;

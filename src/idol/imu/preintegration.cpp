@@ -93,10 +93,10 @@ Preintegration::Preintegration(std::span<const ImuSample> samples, Time begin, T
     : begin_(begin), end_(end), bias_(bias), options_(options) {
   PreparedSamples prepared = prepare_samples(samples, begin, end, bias, noise, options);
   quality_ = prepared.quality;
-  build_rotation(prepared);
+  const FitWeights weights = build_rotation(prepared);
   build_velocity(prepared);
   build_bias_integrals();
-  build_covariance(prepared);
+  build_covariance(prepared, weights);
 }
 
 // Held readings are no data: they stay out of the fits.
@@ -111,7 +111,7 @@ FitPolynomial Preintegration::fit(const IntervalFit& fit, const PreparedSamples&
   return fit(k - skip, values.subspan(skip, values.size() - skip - (samples.held_last ? 1 : 0)));
 }
 
-void Preintegration::build_rotation(const PreparedSamples& samples) {
+FitWeights Preintegration::build_rotation(const PreparedSamples& samples) {
   const auto& times = samples.times;
   const std::size_t skip = samples.held_first ? 1 : 0;
   const auto data = std::span(times).subspan(skip, times.size() - skip - (samples.held_last ? 1 : 0));
@@ -147,6 +147,7 @@ void Preintegration::build_rotation(const PreparedSamples& samples) {
   const double u = -first.s / first.length;
   const Mat3 R_begin = first.R * rotation(first.angle.transpose() * (u * powers_of(u)));
   for (Interval& interval : intervals_) interval.R = R_begin.transpose() * interval.R;
+  return fit_rate.regular_weights();
 }
 
 // The force is turned into the frame of the begin at the samples, where it is known, and fitted there.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -108,7 +109,16 @@ class Preintegration {
     Mat3 VV = Mat3::Zero(), PV = Mat3::Zero(), PP = Mat3::Zero();
 
     void carry(const Vec3& dv, const Vec3& dp, double h);
-    void add(const Mat3& gyro, const Mat3& accel, const Vec3& a, double c, double lag);
+    void add(const Mat3& gyro, const Mat3& accel, double c, double cp, const Vec3& x, const Vec3& y);
+  };
+  // What a sample's noise is multiplied by in the integral of its signal, and that times the time since the
+  // sample.
+  struct Share {
+    double weight = 0, moment = 0;  // [s], [s^2]
+  };
+  struct Errors {
+    ErrorBlocks done;                           // of the samples whose shares are complete
+    std::array<Share, kMostFitSamples> shares;  // of those around the interval, so far
   };
 
   [[nodiscard]] double since_begin(Time t) const { return seconds_between(begin_, t); }
@@ -119,18 +129,17 @@ class Preintegration {
   [[nodiscard]] static BiasIntegrals integrate(const BiasIntegrals& from, const Local& a, const Local& b,
                                                double dt);
 
-  void build_rotation(const PreparedSamples& samples);
+  FitWeights build_rotation(const PreparedSamples& samples);  // the weights are those of a regular grid
   void build_velocity(const PreparedSamples& samples);
   void build_bias_integrals();
-  void build_covariance(PreparedSamples& samples);
+  void build_covariance(PreparedSamples& samples, const FitWeights& weights);
   [[nodiscard]] FitPolynomial fit(const IntervalFit& fit, const PreparedSamples& samples, std::size_t k,
                                   std::span<const Vec3> values) const;
-  void advance_errors(std::size_t k, ErrorBlocks& errors) const;
-  [[nodiscard]] std::pair<double, double> rising_share(std::size_t k) const;
-  void add_own_share(ErrorBlocks& errors, std::size_t k, double s) const;
-  void add_next_share(ErrorBlocks& errors, std::size_t k, double s) const;
+  void add_shares(std::size_t k, double u, std::array<Share, kMostFitSamples>& shares) const;
+  [[nodiscard]] std::size_t sample(std::ptrdiff_t i) const;
+  void add_sample(ErrorBlocks& errors, std::ptrdiff_t i, const Share& share, const Motion& here) const;
+  void advance_errors(std::size_t k, Errors& errors) const;
   void add_gap(ErrorBlocks& errors, std::size_t k, double s) const;
-  [[nodiscard]] Vec3 acceleration(std::size_t k) const { return intervals_[k].accel.row(0); }
 
   Time begin_, end_;
   ImuBias bias_;
@@ -143,10 +152,10 @@ class Preintegration {
   std::vector<std::uint32_t> lookup_;  // first interval that reaches into each of equal stretches of time
   double lookup_per_second_ = 0;
   std::vector<BiasIntegrals> bias_integrals_;  // at each interval's begin
-  // At the begin of every kErrorStride-th interval from first_interval_ on: what the samples whose share ends
-  // there have brought.
   static constexpr std::size_t kErrorStride = 8;
-  std::vector<ErrorBlocks> errors_;
+  std::vector<Errors> errors_;  // at the begin of every kErrorStride-th interval from first_interval_ on
+  FitWeights weights_, linear_weights_;               // of the samples around an interval
+  double usual_length_ = 0;                           // of an interval [s]
   std::vector<Vec3> gyro_variance_, accel_variance_;  // of each sample
   std::vector<bool> gap_;
 };
