@@ -168,6 +168,26 @@ void print_consistency() {
              9 - 1.96 * std::sqrt(18.0 / kRuns), 9 + 1.96 * std::sqrt(18.0 / kRuns));
 }
 
+// The same windows when fewer samples are known beyond their ends.
+void print_look_ahead() {
+  fmt::print(
+      "\n| samples beyond the window's end | 0 | 1 | 2 | 3 | 5 | 7 |\n|---|---|---|---|---|---|---|\n");
+  for (const bool noisy : {true, false}) {
+    fmt::print("| fast, 100 Hz, {} |", noisy ? "noise" : "no noise");
+    for (const int ahead : {0, 1, 2, 3, 5, 7}) {
+      Errors errors;
+      for (int i = 0; i < kWindows; ++i) {
+        auto samples = window_readings({kFast, 100, noisy}, i, noisy);
+        samples.resize(samples.size() - static_cast<std::size_t>(kMargin - ahead));
+        errors.add(by(PreintegrationMethod::kContinuous)(samples, 100),
+                   SineMotion(kFast, static_cast<unsigned>(i)).truth(1, 2));
+      }
+      fmt::print(" {} |", errors.row());
+    }
+    fmt::print("\n");
+  }
+}
+
 struct Damage {
   const char* name;
   std::function<void(std::vector<ImuSample>&, const SineMotion&, std::mt19937&)> apply;
@@ -264,38 +284,61 @@ std::vector<ImuSample> low_passed(const std::vector<ImuSample>& samples, double 
   return out;
 }
 
-// Half-second rotations from every tenth (or fifth) sample against those from all of them.
+// Half-second rotations from every `step`-th sample against those from all of them, as rotation vectors
+// [deg], one a window; the windows begin at given stamps.
+std::vector<Vec3> thinning_errors(const std::vector<ImuSample>& samples, std::span<const Time> begins,
+                                  std::size_t step, PreintegrationMethod method) {
+  constexpr std::size_t kLength = 500;
+  const std::size_t margin = 12 * step;
+  std::vector<Vec3> errors;
+  for (const Time begin : begins) {
+    const auto first = static_cast<std::size_t>(
+        std::lower_bound(samples.begin(), samples.end(), begin, [](auto& s, Time t) { return s.t < t; }) -
+        samples.begin());
+    const auto part = std::span(samples).subspan(first - margin, kLength + 2 * margin + 1);
+    std::vector<ImuSample> thin;
+    for (std::size_t i = 0; i < part.size(); i += step) thin.push_back(part[i]);
+    const Time end = samples[first + kLength].t;
+    PreintegrationOptions options;
+    const Mat3 full = Preintegration(part, begin, end, {}, {}, options).motion(end).dR;
+    options.method = method;
+    errors.push_back(
+        kDeg * so3_log(full.transpose() * Preintegration(thin, begin, end, {}, {}, options).motion(end).dR));
+  }
+  return errors;
+}
+
+double median_norm(const std::vector<Vec3>& errors) {
+  std::vector<double> norms;
+  for (const Vec3& e : errors) norms.push_back(e.norm());
+  return median(norms);
+}
+
 void print_real(const char* path) {
   const std::vector<ImuSample> raw = read_imu(path);
   const auto smooth = low_passed(raw, 45);
+  std::vector<Time> begins;
+  for (std::size_t k = 500; k + 1000 < raw.size(); k += 97) begins.push_back(raw[k].t);
   fmt::print(
-      "\n| data | every 10th: continuous | gpm | lpm | continuous / lpm | every 5th: continuous | gpm | lpm "
-      "| "
-      "continuous / lpm |\n|---|---|---|---|---|---|---|---|---|\n");
-  for (const auto& [name, samples] :
-       {std::pair("as recorded", &raw), std::pair("without what lies above 45 Hz", &smooth)}) {
-    fmt::print("| {} |", name);
-    for (const std::size_t step : {10, 5}) {
-      std::vector<double> angle[3];
-      const std::size_t length = 500, margin = 12 * step;
-      for (std::size_t k = 500; k + length + margin < samples->size(); k += 97) {
-        const auto part = std::span(*samples).subspan(k - margin, length + 2 * margin + 1);
-        std::vector<ImuSample> thin;
-        for (std::size_t i = 0; i < part.size(); i += step) thin.push_back(part[i]);
-        const Time begin = (*samples)[k].t, end = (*samples)[k + length].t;
-        const Mat3 full = Preintegration(part, begin, end, {}, {}, {}).motion(end).dR;
-        for (int m = 0; m < 3; ++m) {
-          PreintegrationOptions options;
-          options.method = static_cast<PreintegrationMethod>(m);
-          const Mat3 R = Preintegration(thin, begin, end, {}, {}, options).motion(end).dR;
-          angle[m].push_back(kDeg * so3_log(full.transpose() * R).norm());
-        }
-      }
-      const double gpm = median(angle[0]), lpm = median(angle[1]), continuous = median(angle[2]);
-      fmt::print(" **{:.2g}** | {:.2g} | {:.2g} | {:.3f} |", continuous, gpm, lpm, continuous / lpm);
+      "\n| every | data | continuous | gpm | lpm | continuous / lpm | folded content alone |\n"
+      "|---|---|---|---|---|---|---|\n");
+  for (const std::size_t step : {10, 5}) {
+    std::vector<Vec3> folded = thinning_errors(raw, begins, step, PreintegrationMethod::kContinuous);
+    const auto interpolation = thinning_errors(smooth, begins, step, PreintegrationMethod::kContinuous);
+    for (std::size_t i = 0; i < folded.size(); ++i) folded[i] -= interpolation[i];
+    for (const auto* samples : {&raw, &smooth}) {
+      const auto error = [&](PreintegrationMethod m) {
+        return median_norm(thinning_errors(*samples, begins, step, m));
+      };
+      const double continuous = error(PreintegrationMethod::kContinuous),
+                   lpm = error(PreintegrationMethod::kLpm);
+      fmt::print("| {}th | {} | **{:.2g}** | {:.2g} | {:.2g} | {:.3f} | {:.2g} |\n", step,
+                 samples == &raw ? "as recorded" : "without what lies above 45 Hz", continuous,
+                 error(PreintegrationMethod::kGpm), lpm, continuous / lpm,
+                 samples == &raw ? median_norm(folded) : 0.0);
     }
-    fmt::print("\n");
   }
+  fmt::print("\n{} windows.\n", begins.size());
 }
 
 }  // namespace
@@ -307,6 +350,7 @@ int main(int argc, char** argv) {
     print_motions();
     print_accuracy();
     print_consistency();
+    print_look_ahead();
     print_damage();
     if (argc > 1) print_real(argv[1]);
   } catch (const std::exception& e) {

@@ -113,6 +113,10 @@ void Odometry::process(const EventWindow& window) {
   WindowMeasurement measurement;
   measurement.imu = std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
                                                      window.begin, window.end, from.bias, rig_.imu, options_.imu);
+  if (const int saturated = measurement.imu->quality().saturated; saturated > 0)
+    diagnostics_.warn("imu_saturated", fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: their "
+                                                   "noise is inflated, accuracy suffers there",
+                                                   static_cast<double>(window.begin) / kNsPerS), saturated);
   measurement.still = at_rest(window);
   double integrate_s = watch.lap();
   const SegmentedWindow segments = segmenter_.process(window);
