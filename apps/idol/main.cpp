@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   idol::cli::add_evaluate(app, action);
   idol::cli::add_simulate(app, action);
   idol::cli::add_info(app, action);
+  idol::cli::add_preintegrate(app, action);
   idol::cli::add_report(app, action);
   idol::cli::add_config(app, action);
   try {

@@ -1,6 +1,7 @@
 #include "idol/base/options.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -38,6 +39,13 @@ void parse_option(const std::string& text, Range, bool& out) {
 }
 void parse_option(const std::string& text, Range range, int& out) { parse_number(text, range, out); }
 void parse_option(const std::string& text, Range range, double& out) { parse_number(text, range, out); }
+
+int parse_name(const std::string& text, std::span<const std::string_view> names) {
+  const auto found = std::find(names.begin(), names.end(), text);
+  if (found == names.end())
+    throw UsageError(fmt::format("'{}' is none of {}", text, fmt::join(names, ", ")));
+  return static_cast<int>(found - names.begin());
+}
 
 std::string format_option(bool value) { return value ? "true" : "false"; }
 std::string format_option(int value) { return fmt::format("{}", value); }

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -34,6 +35,21 @@ void parse_option(const std::string& text, Range range, double& out);
 std::string format_option(bool value);
 std::string format_option(int value);
 std::string format_option(double value);
+
+/// An enum whose enumerators 0, 1, ... have names in `option_names(T)`, an array found beside the enum.
+template <class T>
+concept NamedEnum = std::is_enum_v<T> && requires(T t) { option_names(t)[0]; };
+
+/// Position of `text` in `names`. Throws UsageError, listing the names, if it is none of them.
+int parse_name(const std::string& text, std::span<const std::string_view> names);
+template <NamedEnum T>
+void parse_option(const std::string& text, Range, T& out) {
+  out = static_cast<T>(parse_name(text, option_names(out)));
+}
+template <NamedEnum T>
+std::string format_option(T value) {
+  return std::string(option_names(value)[static_cast<std::size_t>(value)]);
+}
 
 template <class T>
 concept OptionGroup = requires(T& t) { T::fields(t, [](auto&&...) {}); };

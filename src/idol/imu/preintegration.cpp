@@ -1,188 +1,291 @@
 #include "idol/imu/preintegration.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
-
-#include "idol/base/diagnostics.hpp"
 
 namespace idol {
 namespace {
 
-using ConstMat3Map = Eigen::Map<const Mat3>;
-
-double median_period(const Eigen::VectorXd& times) {
-  std::vector<double> steps(static_cast<std::size_t>(times.size() - 1));
-  for (std::size_t i = 0; i < steps.size(); ++i)
-    steps[i] = times[static_cast<Eigen::Index>(i) + 1] - times[static_cast<Eigen::Index>(i)];
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  return steps[steps.size() / 2];
-}
-
-// Noise variance of one sample over the variance of the signal, for all channels together.
-double noise_ratio(const Eigen::MatrixXd& values, double density, double period) {
-  const double noise_variance = density * density / period;
-  const Eigen::MatrixXd centred = values.rowwise() - values.colwise().mean();
-  const double total = centred.squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, values.size() - 3));
+// Noise variance of one sample over the variance of the signal, for all axes together.
+double noise_ratio(std::span<const Vec3> values, double noise_variance) {
+  Vec3 mean = Vec3::Zero();
+  for (const Vec3& v : values) mean += v / static_cast<double>(values.size());
+  double total = 0;
+  for (const Vec3& v : values) total += (v - mean).squaredNorm();
+  total /= 3 * static_cast<double>(std::max<std::size_t>(2, values.size()) - 1);
   // A signal quieter than its own noise is smoothed as if it had a tenth of it.
   const double signal_variance = std::max(total - noise_variance, 0.1 * noise_variance);
-  return signal_variance > 0 ? noise_variance / signal_variance : 1e-9;
+  return signal_variance > 0 ? noise_variance / signal_variance : 0;
+}
+
+// The rotation vector from u = 0 on: d theta / du = w + theta x w / 2 + theta x (theta x w) / 12 + ..., the
+// inverse of the right Jacobian, solved power by power. The term left out is of fifth order in a step's
+// angle, and vanishes while the axis stays.
+FitPolynomial rotation_since_begin(const FitPolynomial& rate) {
+  std::array<Vec3, kFitCoefficients> w, once;  // once: theta x w
+  std::array<Vec3, kFitCoefficients + 1> theta;
+  for (int i = 0; i < kFitCoefficients; ++i) w[static_cast<std::size_t>(i)] = rate.row(i);
+  theta[1] = w[0];
+  once[0] = once[1] = Vec3::Zero();
+  for (std::size_t n = 1; n < kFitCoefficients; ++n) {
+    Vec3 c = Vec3::Zero(), twice = Vec3::Zero();
+    for (std::size_t j = 1; j <= n; ++j) c += theta[j].cross(w[n - j]);
+    once[n] = c;
+    for (std::size_t j = 1; j + 2 <= n; ++j) twice += theta[j].cross(once[n - j]);
+    theta[n + 1] = (w[n] + 0.5 * c + twice / 12) / static_cast<double>(n + 1);
+  }
+  FitPolynomial out;
+  for (int i = 0; i < kFitCoefficients; ++i) out.row(i) = theta[static_cast<std::size_t>(i) + 1];
+  return out;
+}
+
+// so3_exp, without sine and cosine while their series are exact to the last digit.
+Mat3 rotation(const Vec3& theta) {
+  const double x = theta.squaredNorm();
+  if (x > 0.2) return so3_exp(theta);
+  const double a = 1 - x / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110 * (1 - x / 156)))));
+  const double b =
+      0.5 * (1 - x / 12 * (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132 * (1 - x / 182))))));
+  const double p = theta.x(), q = theta.y(), r = theta.z();
+  const double c = 1 - b * x;  // cosine
+  Mat3 E;
+  E << c + b * p * p, b * p * q - a * r, b * p * r + a * q,  //
+      b * p * q + a * r, c + b * q * q, b * q * r - a * p,   //
+      b * p * r - a * q, b * q * r + a * p, c + b * r * r;
+  return E;
+}
+
+using Powers = Eigen::Matrix<double, kFitCoefficients, 1>;
+
+// 1, u, ..., u^7.
+Powers powers_of(double u) {
+  Powers out;
+  out[0] = 1;
+  for (int i = 1; i < kFitCoefficients; ++i) out[i] = out[i - 1] * u;
+  return out;
+}
+
+// Factors of the coefficients in the polynomial's first and second integral.
+const Powers kOnce = (Powers() << 1, 1. / 2, 1. / 3, 1. / 4, 1. / 5, 1. / 6, 1. / 7, 1. / 8).finished();
+const Powers kTwice =
+    (Powers() << 1. / 2, 1. / 6, 1. / 12, 1. / 20, 1. / 30, 1. / 42, 1. / 56, 1. / 72).finished();
+
+Mat3 cross_columns(const Vec3& a, const Mat3& B) {
+  Mat3 out;
+  for (int i = 0; i < 3; ++i) out.col(i) = a.cross(B.col(i));
+  return out;
 }
 
 }  // namespace
 
-NavState predict(const NavState& begin, const Preintegrated& motion, const ImuBias& bias, const Vec3& gravity) {
-  const Vec3 dbg = begin.bias.gyro - bias.gyro;
-  const Vec3 dba = begin.bias.accel - bias.accel;
-  const double dt = motion.dt;
-  NavState out;
-  out.t = begin.t + from_seconds(dt);
-  out.bias = begin.bias;
-  out.T_w_i.q = (begin.T_w_i.q * Quat(motion.dR) * quat_exp(motion.d_R_d_bg * dbg)).normalized();
-  out.v_w = begin.v_w + gravity * dt + begin.T_w_i.q * (motion.dv + motion.d_v_d_bg * dbg + motion.d_v_d_ba * dba);
-  out.T_w_i.p = begin.T_w_i.p + begin.v_w * dt + 0.5 * dt * dt * gravity +
-                begin.T_w_i.q * (motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba);
+Preintegration::Preintegration(std::span<const ImuSample> samples, Time begin, Time end, const ImuBias& bias,
+                               const ImuNoise& noise, const PreintegrationOptions& options)
+    : begin_(begin), end_(end), bias_(bias), options_(options) {
+  const PreparedSamples prepared = prepare_samples(samples, begin, end, bias, noise, options);
+  quality_ = prepared.quality;
+  build_rotation(prepared);
+  build_velocity(prepared);
+  build_bias_integrals();
+  build_covariance(prepared);
+}
+
+// Held readings are no data: they stay out of the fits.
+FitPolynomial Preintegration::fit(const IntervalFit& fit, const PreparedSamples& samples, std::size_t k,
+                                  std::span<const Vec3> values) const {
+  if ((samples.held_first && k == 0) || (samples.held_last && k + 2 == samples.times.size())) {
+    FitPolynomial constant = FitPolynomial::Zero();
+    constant.row(0) = samples.held_first && k == 0 ? values[1] : values[k];
+    return constant;
+  }
+  const std::size_t skip = samples.held_first ? 1 : 0;
+  return fit(k - skip, values.subspan(skip, values.size() - skip - (samples.held_last ? 1 : 0)));
+}
+
+void Preintegration::build_rotation(const PreparedSamples& samples) {
+  const auto& times = samples.times;
+  const std::size_t skip = samples.held_first ? 1 : 0;
+  const auto data = std::span(times).subspan(skip, times.size() - skip - (samples.held_last ? 1 : 0));
+  const IntervalFit fit_rate(data, samples.period, options_,
+                             noise_ratio(samples.gyro, samples.gyro_variance[0].x()));
+  last_s_ = times.back();
+  intervals_.resize(times.size() - 1);
+  Mat3 R = Mat3::Identity();
+  for (std::size_t k = 0; k < intervals_.size(); ++k) {
+    Interval& interval = intervals_[k];
+    interval.s = times[k];
+    interval.length = times[k + 1] - times[k];
+    interval.R = R;
+    interval.rate = interval.length * fit(fit_rate, samples, k, samples.gyro);
+    interval.angle = rotation_since_begin(interval.rate);
+    R = R * rotation(interval.angle.colwise().sum());
+  }
+  const auto stretches = std::clamp<std::size_t>(
+      static_cast<std::size_t>((last_s_ - times[0]) / samples.period) + 1, 1, 4 * intervals_.size());
+  lookup_length_ = (last_s_ - times[0]) / static_cast<double>(stretches);
+  lookup_.resize(stretches);
+  std::size_t k = 0;
+  for (std::size_t i = 0; i < stretches; ++i) {
+    while (k + 1 < intervals_.size() &&
+           intervals_[k + 1].s <= times[0] + static_cast<double>(i) * lookup_length_)
+      ++k;
+    lookup_[i] = static_cast<std::uint32_t>(k);
+  }
+  // From the frame of the first sample to that of the window's begin.
+  first_interval_ = find(0);
+  const Interval& first = intervals_[first_interval_];
+  const double u = -first.s / first.length;
+  const Mat3 R_begin = first.R * rotation(first.angle.transpose() * (u * powers_of(u)));
+  for (Interval& interval : intervals_) interval.R = R_begin.transpose() * interval.R;
+}
+
+// The force is turned into the frame of the begin at the samples, where it is known, and fitted there.
+void Preintegration::build_velocity(const PreparedSamples& samples) {
+  const auto& times = samples.times;
+  const std::size_t skip = samples.held_first ? 1 : 0;
+  const auto data = std::span(times).subspan(skip, times.size() - skip - (samples.held_last ? 1 : 0));
+  std::vector<Vec3> turned(times.size());
+  for (std::size_t k = 0; k < intervals_.size(); ++k) turned[k] = intervals_[k].R * samples.accel[k];
+  const Interval& last = intervals_.back();
+  turned.back() = last.R * (rotation(last.angle.colwise().sum()) * samples.accel.back());
+  const IntervalFit fit_accel(data, samples.period, options_,
+                              noise_ratio(turned, samples.accel_variance[0].x()));
+  for (std::size_t k = 0; k < intervals_.size(); ++k)
+    intervals_[k].accel = fit(fit_accel, samples, k, turned);
+
+  const auto gain = [](const Interval& interval, double u) {
+    const Powers powers = powers_of(u);
+    const double h = interval.length;
+    return std::pair<Vec3, Vec3>(h * u * interval.accel.transpose() * powers.cwiseProduct(kOnce),
+                                 h * h * u * u * interval.accel.transpose() * powers.cwiseProduct(kTwice));
+  };
+  Interval& first = intervals_[first_interval_];
+  const auto [dv, dp] = gain(first, -first.s / first.length);
+  first.v = -dv;
+  first.p = first.s * first.v - dp;
+  for (std::size_t k = first_interval_ + 1; k < intervals_.size(); ++k) {
+    const Interval& from = intervals_[k - 1];
+    const auto [v, p] = gain(from, 1);
+    intervals_[k].v = from.v + v;
+    intervals_[k].p = from.p + from.length * from.v + p;
+  }
+  for (std::size_t k = first_interval_; k-- > 0;) {
+    Interval& to = intervals_[k];
+    const auto [v, p] = gain(to, 1);
+    to.v = intervals_[k + 1].v - v;
+    to.p = intervals_[k + 1].p - to.length * to.v - p;
+  }
+}
+
+std::size_t Preintegration::find(double s) const {
+  const double stretch = (s - intervals_[0].s) / lookup_length_;
+  const auto i = stretch > 0 ? std::min(static_cast<std::size_t>(stretch), lookup_.size() - 1) : 0;
+  std::size_t k = lookup_[i];
+  while (k + 1 < intervals_.size() && intervals_[k + 1].s <= s) ++k;
+  return k;
+}
+
+double Preintegration::clamp(double s) const { return std::clamp(s, intervals_[0].s, last_s_); }
+
+Motion Preintegration::evaluate(const Interval& interval, double s) {
+  const double tau = s - interval.s;
+  const double u = tau / interval.length;
+  const Powers powers = powers_of(u);
+  const Vec3 theta = interval.angle.transpose() * (u * powers);
+  Motion out;
+  out.dt = s;
+  out.dR = interval.R * rotation(theta);
+  out.dv = interval.v + tau * (interval.accel.transpose() * powers.cwiseProduct(kOnce));
+  out.dp =
+      interval.p + tau * interval.v + tau * tau * (interval.accel.transpose() * powers.cwiseProduct(kTwice));
   return out;
 }
 
-Preintegration::Preintegration(std::span<const ImuSample> samples, Time begin, Time end, const ImuBias& bias,
-                               const ImuNoise& noise, const PreintegrationOptions& options)
-    : begin_(begin), end_(end), bias_(bias), noise_(noise), options_(options) {
-  if (samples.size() < 2)
-    throw DataError(fmt::format("only {} IMU samples around {:.6f} s: at least two are needed", samples.size(),
-                                static_cast<double>(begin) / kNsPerS));
-  Eigen::VectorXd times(static_cast<Eigen::Index>(samples.size()));
-  for (std::size_t i = 0; i < samples.size(); ++i)
-    times[static_cast<Eigen::Index>(i)] = since_begin(samples[i].t);
-  period_s_ = median_period(times);
-  build_rotation(samples, times);
-  build_velocity(samples, times);
-  build_covariance(samples);
+Motion Preintegration::motion(Time t) const {
+  const double s = clamp(since_begin(t));
+  return evaluate(intervals_[find(s)], s);
 }
 
-// Exact integral of the rate plus the first commutator of the Magnus series (fourth order in the step), for
-// dR/dt = R hat(w): Omega = int w + h^2/12 w(a) x w(b).
-Preintegration::Node Preintegration::step(const Node& from, double s) const {
-  const double h = s - from.s;
-  Node to;
-  to.s = s;
-  to.rate = gyro_->value(s);
-  const Vec3 omega = Vec3(gyro_->integral(from.s, s)) + h * h / 12 * from.rate.cross(to.rate);
-  const Mat3 E = so3_exp(omega);
-  to.R = from.R * E;
-  to.d_R_d_bg = E.transpose() * from.d_R_d_bg - right_jacobian(omega) * h;
+void Preintegration::motions(std::span<const Time> times, std::span<Motion> out) const {
+  assert(times.size() == out.size());
+  for (std::size_t i = 0; i < times.size(); ++i) out[i] = motion(times[i]);
+}
+
+Preintegration::Local Preintegration::local(const Interval& interval, double u, const Mat3& R) {
+  const Powers powers = powers_of(u);
+  Powers slopes;
+  slopes[0] = 0;
+  for (int i = 1; i < kFitCoefficients; ++i) slopes[i] = i * powers[i - 1];
+  return {R, interval.rate.transpose() * powers / interval.length, interval.accel.transpose() * powers,
+          interval.accel.transpose() * slopes / interval.length};
+}
+
+// The trapezium rule with its end correction, h/2 (f0 + f1) + h^2/12 (f0' - f1'): of fourth order, both ways
+// in time.
+Preintegration::BiasIntegrals Preintegration::integrate(const BiasIntegrals& from, const Local& a,
+                                                        const Local& b, double dt) {
+  const double half = 0.5 * dt, twelfth = dt * dt / 12;
+  BiasIntegrals to;
+  to.K = from.K + half * (a.R + b.R) + twelfth * (a.R * hat(a.rate) - b.R * hat(b.rate));
+  to.L = from.L + half * (from.K + to.K) + twelfth * (a.R - b.R);
+  const Mat3 ga = cross_columns(a.accel, from.K), gb = cross_columns(b.accel, to.K);
+  const Mat3 slope = cross_columns(a.jerk, from.K) + cross_columns(a.accel, a.R) -
+                     cross_columns(b.jerk, to.K) - cross_columns(b.accel, b.R);
+  to.M = from.M + half * (ga + gb) + twelfth * slope;
+  to.N = from.N + half * (from.M + to.M) + twelfth * (ga - gb);
   return to;
 }
 
-void Preintegration::build_rotation(std::span<const ImuSample> samples, const Eigen::VectorXd& times) {
-  Eigen::MatrixXd rates(times.size(), 3);
-  for (Eigen::Index i = 0; i < times.size(); ++i)
-    rates.row(i) = samples[static_cast<std::size_t>(i)].gyro - bias_.gyro;
-  gyro_ = std::make_unique<GaussianProcess>(times, rates, options_.length_scale_samples * period_s_,
-                                            noise_ratio(rates, noise_.gyro_density, period_s_));
-  Node origin;
-  origin.rate = gyro_->value(0);
-  const double h = std::min(options_.max_step_s, period_s_);
-  const auto grid = [&](double last, std::vector<Node>& nodes) {
-    const int steps = static_cast<int>(std::ceil(std::abs(last) / h));
-    nodes.push_back(origin);
-    for (int k = 1; k <= steps; ++k) nodes.push_back(step(nodes.back(), last * k / steps));
-  };
-  grid(std::max(since_begin(end_), times.tail<1>()[0]), forward_);
-  grid(std::min(0.0, times[0]), backward_);
-}
-
-const Preintegration::Node& Preintegration::node_before(double s) const {
-  const auto& nodes = s >= 0 ? forward_ : backward_;
-  if (nodes.size() < 2) return nodes.front();
-  const double spacing = nodes.back().s / static_cast<double>(nodes.size() - 1);
-  const auto index = static_cast<std::ptrdiff_t>(std::floor(s / spacing));
-  return nodes[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(index, 0, std::ssize(nodes) - 1))];
-}
-
-// Accelerations turned into the begin frame, f_w = R (f - ba), and their derivatives with respect to the biases:
-// d f_w / d ba = -R, d f_w / d bg = -R hat(f - ba) d_R_d_bg. The GP is linear, so its integrals of the derivatives
-// are the derivatives of its integrals.
-void Preintegration::build_velocity(std::span<const ImuSample> samples, const Eigen::VectorXd& times) {
-  Eigen::MatrixXd channels(times.size(), 21);
-  for (Eigen::Index i = 0; i < times.size(); ++i) {
-    const Node node = step(node_before(times[i]), times[i]);
-    const Vec3 f = samples[static_cast<std::size_t>(i)].accel - bias_.accel;
-    const Mat3 d_ba = -node.R;
-    const Mat3 d_bg = -node.R * hat(f) * node.d_R_d_bg;
-    channels.row(i).head<3>() = node.R * f;
-    channels.row(i).segment<9>(3) = Eigen::Map<const Eigen::Matrix<double, 1, 9>>(d_ba.data());
-    channels.row(i).segment<9>(12) = Eigen::Map<const Eigen::Matrix<double, 1, 9>>(d_bg.data());
+void Preintegration::build_bias_integrals() {
+  bias_integrals_.resize(intervals_.size());
+  const auto at_begin = [](const Interval& interval) { return local(interval, 0, interval.R); };
+  const Interval& first = intervals_[first_interval_];
+  const Local begin = local(first, -first.s / first.length, Mat3::Identity());
+  rate_at_begin_ = begin.rate;
+  accel_at_begin_ = begin.accel;
+  bias_integrals_[first_interval_] = integrate({}, begin, at_begin(first), first.s);
+  Local here = at_begin(first);
+  for (std::size_t k = first_interval_ + 1; k < intervals_.size(); ++k) {
+    const Local next = at_begin(intervals_[k]);
+    bias_integrals_[k] = integrate(bias_integrals_[k - 1], here, next, intervals_[k - 1].length);
+    here = next;
   }
-  accel_ = std::make_unique<GaussianProcess>(times, channels, options_.length_scale_samples * period_s_,
-                                             noise_ratio(channels.leftCols(3), noise_.accel_density, period_s_));
+  here = at_begin(first);
+  for (std::size_t k = first_interval_; k-- > 0;) {
+    const Local before = at_begin(intervals_[k]);
+    bias_integrals_[k] = integrate(bias_integrals_[k + 1], here, before, -intervals_[k].length);
+    here = before;
+  }
 }
 
 Preintegrated Preintegration::at(Time t) const {
-  const double s = since_begin(t);
-  const Node node = step(node_before(s), s);
-  const Eigen::MatrixX2d integrals = accel_->integrals(0, s);
+  const double s = clamp(since_begin(t));
+  const std::size_t k = find(s);
+  const Interval& interval = intervals_[k];
   Preintegrated out;
-  out.dt = s;
-  out.dR = node.R;
-  out.d_R_d_bg = node.d_R_d_bg;
-  out.dv = integrals.col(0).head<3>();
-  out.d_v_d_ba = ConstMat3Map(integrals.col(0).data() + 3);
-  out.d_v_d_bg = ConstMat3Map(integrals.col(0).data() + 12);
-  out.dp = integrals.col(1).head<3>();
-  out.d_p_d_ba = ConstMat3Map(integrals.col(1).data() + 3);
-  out.d_p_d_bg = ConstMat3Map(integrals.col(1).data() + 12);
+  static_cast<Motion&>(out) = evaluate(interval, s);
+  const Local here = local(interval, (s - interval.s) / interval.length, out.dR);
+  const BiasIntegrals sums =
+      integrate(bias_integrals_[k], local(interval, 0, interval.R), here, s - interval.s);
+  out.d_R_d_bg = -out.dR.transpose() * sums.K;
+  out.d_v_d_bg = sums.M;
+  out.d_v_d_ba = -sums.K;
+  out.d_p_d_bg = sums.N;
+  out.d_p_d_ba = -sums.L;
+  out.rate = here.rate;
+  out.accel = here.accel;
+  // Of R_b^T R_t, int R_b^T R f and int (t - s) R_b^T R f by both of their ends.
+  out.d_R_d_shift = here.rate - out.dR.transpose() * rate_at_begin_;
+  out.d_v_d_shift = here.accel - accel_at_begin_ - rate_at_begin_.cross(out.dv);
+  out.d_p_d_shift = out.dv - s * accel_at_begin_ - rate_at_begin_.cross(out.dp);
   return out;
 }
 
-// Discrete propagation of (dp, dtheta, dv) errors over one step (Forster et al. 2017, eq. 63, in our order).
-Mat9 Preintegration::propagate(const Node& from, double s, bool in_gap) const {
-  const double h = s - from.s;
-  const Node to = step(from, s);
-  const Vec3 a = accel_->value(0.5 * (from.s + s)).head<3>();
-  const Mat3 E = to.R.transpose() * from.R;
-  const Mat3 tilt = -hat(a) * from.R;
-  Mat9 A = Mat9::Identity();
-  A.block<3, 3>(0, 3) = 0.5 * h * h * tilt;
-  A.block<3, 3>(0, 6) = h * Mat3::Identity();
-  A.block<3, 3>(3, 3) = E;
-  A.block<3, 3>(6, 3) = h * tilt;
-  double gyro_variance = noise_.gyro_density * noise_.gyro_density * h;
-  double accel_variance = noise_.accel_density * noise_.accel_density * h;
-  if (in_gap) {
-    // The rate is unknown but constant over the gap: steps add in amplitude, bounded here by the gap's own length.
-    gyro_variance += std::pow(options_.gap_gyro_sigma, 2) * h * options_.max_gap_s;
-    accel_variance += std::pow(options_.gap_accel_sigma, 2) * h * options_.max_gap_s;
-  }
-  Mat9 out = A * from.covariance * A.transpose();
-  out.block<3, 3>(0, 0).diagonal().array() += accel_variance * h * h / 3;
-  out.block<3, 3>(0, 6).diagonal().array() += accel_variance * h / 2;
-  out.block<3, 3>(6, 0).diagonal().array() += accel_variance * h / 2;
-  out.block<3, 3>(3, 3).diagonal().array() += gyro_variance;
-  out.block<3, 3>(6, 6).diagonal().array() += accel_variance;
-  return out;
+Vec3 Preintegration::angular_rate(Time t) const {
+  const double s = clamp(since_begin(t));
+  const Interval& interval = intervals_[find(s)];
+  return interval.rate.transpose() * powers_of((s - interval.s) / interval.length) / interval.length;
 }
-
-void Preintegration::build_covariance(std::span<const ImuSample> samples) {
-  gap_.assign(forward_.size() + 1, false);
-  auto next = samples.begin();
-  for (std::size_t i = 1; i < forward_.size(); ++i) {
-    const Time middle = begin_ + from_seconds(0.5 * (forward_[i - 1].s + forward_[i].s));
-    while (next != samples.end() && next->t < middle) ++next;
-    gap_[i] = next == samples.begin() || next == samples.end() ||
-              seconds_between((next - 1)->t, next->t) > options_.max_gap_s;
-    forward_[i].covariance = propagate(forward_[i - 1], forward_[i].s, gap_[i]);
-  }
-}
-
-Mat9 Preintegration::covariance(Time t) const {
-  const double s = since_begin(t);
-  const Node& node = node_before(s);
-  const auto index = static_cast<std::size_t>(&node - forward_.data());
-  return propagate(node, s, gap_[std::min(index + 1, forward_.size() - 1)]);
-}
-
-Vec3 Preintegration::angular_rate(Time t) const { return gyro_->value(since_begin(t)); }
 
 }  // namespace idol
