@@ -176,9 +176,7 @@ class Smoother::Problem {
 };
 
 Smoother::Smoother(const Rig& rig, const BackendOptions& options)
-    : options_(options), noise_(rig.imu), projection_{rig.camera, rig.T_i_c, Vec3(0, 0, -options.gravity)} {}
-
-Smoother::~Smoother() = default;
+    : Backend(rig, options.gravity), options_(options) {}
 
 void Smoother::start(const NavState& first, bool still) {
   states_ = {first};
@@ -188,10 +186,7 @@ void Smoother::start(const NavState& first, bool still) {
 
 void Smoother::add(WindowMeasurement window) {
   const std::size_t index = windows_.size();
-  const Preintegration& imu = *window.imu;
-  states_.push_back(predict(states_.back(), imu.at(imu.end()), imu.bias(), projection_.gravity));
-  states_.back().t = imu.end();
-  windows_.push_back({window.imu, window.still});
+  append(window);
   for (auto& seen : window.lines) {
     const LineId id = seen.id;
     tracks_[id].observations.push_back({index, std::move(seen), false});
@@ -338,14 +333,9 @@ SolveStats Smoother::newest_stats() const {
   return stats;
 }
 
-NavState Smoother::state_at(Time t) const {
-  const auto after = std::upper_bound(states_.begin(), states_.end(), t,
-                                      [](Time value, const NavState& state) { return value < state.t; });
-  const auto index = std::clamp<std::ptrdiff_t>(after - states_.begin() - 1, 0, std::ssize(windows_) - 1);
-  const auto i = static_cast<std::size_t>(index);
-  NavState state = predict(states_[i], windows_[i].imu->at(t), windows_[i].imu->bias(), projection_.gravity);
-  state.t = t;
-  return state;
+std::size_t Smoother::line_count() const {
+  return static_cast<std::size_t>(
+      std::count_if(tracks_.begin(), tracks_.end(), [](const auto& t) { return t.second.mapped && !t.second.dead; }));
 }
 
 std::vector<Line> Smoother::lines() const {
