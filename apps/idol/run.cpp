@@ -131,7 +131,7 @@ int run(const RunArguments& arguments) {
   if (odometry.started()) {
     write_groundtruth(arguments, odometry);
     write_report(arguments.out);
-    fmt::print("{} windows, {} lines; results in {}, report: {}\n", recorder.windows(), odometry.smoother().lines().size(),
+    fmt::print("{} windows, {} lines; results in {}, report: {}\n", recorder.windows(), odometry.smoother().line_count(),
                arguments.out.string(), (arguments.out / "report.html").string());
   }
   if (outcome.exit != 0) fmt::print(stderr, "idol: {}\n", outcome.message);

@@ -91,7 +91,7 @@ void RunRecorder::write(const Odometry& odometry, const Summary& summary) const 
 }
 
 void RunRecorder::write_trajectories(const Odometry& odometry) const {
-  const Smoother& smoother = odometry.smoother();
+  const Backend& smoother = odometry.smoother();
   std::vector<NavState> smoothed = smoother.states();
   if (rate_hz_ > 0) {
     smoothed.clear();
@@ -153,7 +153,7 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
   stats["stages"] = {{"read", summary.read_s}, {"segment", total.segment_s}, {"integrate", total.integrate_s},
                      {"solve", total.solve_s}};
   stats["windows"] = rows_.size();
-  stats["lines"] = odometry.started() ? odometry.smoother().lines().size() : 0;
+  stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
   stats["residuals"] = peak_residuals;
   stats["solver_iterations"] = iterations;
   stats["warnings"] = nlohmann::ordered_json::object();

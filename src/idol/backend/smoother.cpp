@@ -22,7 +22,6 @@ LineNoise line_noise(const BackendOptions& options) {
   return {options.event_sigma_px, options.huber_sigmas, options.repulsion_sigma_px, options.attraction_sigma};
 }
 
-
 // A few pixels along the line, as a length at the line's distance.
 double end_damping_m(const Pose& T_w_c, const LineEnds& ends, const Camera& camera) {
   constexpr double kPixels = 3;
@@ -35,14 +34,17 @@ double end_damping_m(const Pose& T_w_c, const LineEnds& ends, const Camera& came
 // One non-linear least-squares problem over the active states and lines (paper eq. 3).
 class Smoother::Problem {
  public:
-  Problem(const Smoother& owner, std::size_t first) : owner_(owner), first_(first), problem_(borrowing_manifolds()) {
-    for (std::size_t i = first_; i < owner_.states_.size(); ++i) parameters_.push_back(to_parameters(owner_.states_[i]));
+  Problem(const Smoother& owner, std::size_t first)
+      : owner_(owner), first_(first), problem_(borrowing_manifolds()) {
+    for (std::size_t i = first_; i < owner_.states_.size(); ++i)
+      parameters_.push_back(to_parameters(owner_.states_[i]));
     for (auto& p : parameters_) {
       problem_.AddParameterBlock(p.pose.data(), kPoseSize, &pose_manifold_);
       problem_.AddParameterBlock(p.motion.data(), kMotionSize);
     }
     fix_gauge();
     add_inertial();
+    lines_.reserve(owner_.tracks_.size());
     for (const auto& [id, track] : owner_.tracks_)
       if (track.mapped && !track.dead) add_line(id, track);
   }
@@ -108,15 +110,15 @@ class Smoother::Problem {
       const Preintegration& imu = *owner_.windows_[w].imu;
       const Preintegrated motion = imu.at(imu.end());
       problem_.AddResidualBlock(
-          imu_cost(motion, imu.covariance(imu.end()), imu.bias(), owner_.projection_.gravity).release(), nullptr,
-          at(w).pose.data(), at(w).motion.data(), at(w + 1).pose.data(), at(w + 1).motion.data());
-      problem_.AddResidualBlock(bias_walk_cost(owner_.noise_, motion.dt).release(), nullptr, at(w).motion.data(),
-                                at(w + 1).motion.data());
+          imu_cost(motion, imu.covariance(imu.end()), imu.bias(), owner_.projection_.gravity).release(),
+          nullptr, at(w).pose.data(), at(w).motion.data(), at(w + 1).pose.data(), at(w + 1).motion.data());
+      problem_.AddResidualBlock(bias_walk_cost(owner_.noise_, motion.dt).release(), nullptr,
+                                at(w).motion.data(), at(w + 1).motion.data());
       if (owner_.windows_[w].still) {
         Eigen::Matrix<double, 9, 1> sigma = Eigen::Matrix<double, 9, 1>::Constant(1e6);
         sigma.head<3>().setConstant(owner_.options_.start_velocity_sigma);
-        problem_.AddResidualBlock(motion_prior_cost(Eigen::Matrix<double, 9, 1>::Zero(), sigma).release(), nullptr,
-                                  at(w).motion.data());
+        problem_.AddResidualBlock(motion_prior_cost(Eigen::Matrix<double, 9, 1>::Zero(), sigma).release(),
+                                  nullptr, at(w).motion.data());
       }
     }
   }
@@ -127,25 +129,31 @@ class Smoother::Problem {
     for (const auto& o : track.observations) {
       if (o.window < first_ || o.rejected) continue;
       const Preintegration& imu = *owner_.windows_[o.window].imu;
-      auto& ends = lines_[id];
       if (!attracted) {
         // The window that first saw the line, or the oldest one still active.
         attracted = true;
+        auto& ends = lines_.emplace_back(id, Eigen::Matrix<double, kLineSize, 1>()).second;
         ends << track.ends.a, track.ends.b;
         const auto manifold = line_manifolds_.try_emplace(id, track.T_w_c_first).first;
         problem_.AddParameterBlock(ends.data(), kLineSize, &manifold->second);
         problem_.AddResidualBlock(
             attraction_cost(o.seen.end_a.motion, imu.bias(), owner_.projection_, noise).release(), nullptr,
             at(o.window).pose.data(), at(o.window).motion.data(), ends.data());
-        problem_.AddResidualBlock(depth_prior_cost(track.T_w_c_first, track.prior_depth,
-                                                   owner_.options_.depth_prior_log, owner_.options_.slant_prior_log)
+        problem_.AddResidualBlock(
+            depth_prior_cost(track.T_w_c_first, track.prior_depth, owner_.options_.depth_prior_log,
+                             owner_.options_.slant_prior_log)
+                .release(),
+            nullptr, ends.data());
+        problem_.AddResidualBlock(end_damping_cost(track.ends, end_damping_m(track.T_w_c_first, track.ends,
+                                                                             owner_.projection_.camera))
                                       .release(),
                                   nullptr, ends.data());
-        problem_.AddResidualBlock(end_damping_cost(track.ends, end_damping_m(track.T_w_c_first, track.ends, owner_.projection_.camera)).release(),
-                                  nullptr, ends.data());
       }
-      problem_.AddResidualBlock(event_line_cost(o.seen.events, imu.bias(), owner_.projection_, noise).release(),
-                                observation_loss(o.seen.events.size()), at(o.window).pose.data(), at(o.window).motion.data(), ends.data());
+      auto& ends = lines_.back().second;
+      problem_.AddResidualBlock(
+          event_line_cost(o.seen.events, imu.bias(), owner_.projection_, noise).release(),
+          observation_loss(o.seen.events.size()), at(o.window).pose.data(), at(o.window).motion.data(),
+          ends.data());
     }
   }
 
@@ -161,15 +169,14 @@ class Smoother::Problem {
   PoseManifold pose_manifold_;
   TiltManifold tilt_manifold_;
   std::vector<StateParameters> parameters_;
-  std::map<LineId, Eigen::Matrix<double, kLineSize, 1>> lines_;
+  // In one array: Ceres orders blocks by address, which must not depend on where memory happened to be free.
+  std::vector<std::pair<LineId, Eigen::Matrix<double, kLineSize, 1>>> lines_;
   std::map<LineId, LineManifold> line_manifolds_;
   ceres::Problem problem_;
 };
 
 Smoother::Smoother(const Rig& rig, const BackendOptions& options)
-    : options_(options), noise_(rig.imu), projection_{rig.camera, rig.T_i_c, Vec3(0, 0, -options.gravity)} {}
-
-Smoother::~Smoother() = default;
+    : Backend(rig, options.gravity), options_(options) {}
 
 void Smoother::start(const NavState& first, bool still) {
   states_ = {first};
@@ -179,10 +186,7 @@ void Smoother::start(const NavState& first, bool still) {
 
 void Smoother::add(WindowMeasurement window) {
   const std::size_t index = windows_.size();
-  const Preintegration& imu = *window.imu;
-  states_.push_back(predict(states_.back(), imu.at(imu.end()), imu.bias(), projection_.gravity));
-  states_.back().t = imu.end();
-  windows_.push_back({window.imu, window.still});
+  append(window);
   for (auto& seen : window.lines) {
     const LineId id = seen.id;
     tracks_[id].observations.push_back({index, std::move(seen), false});
@@ -246,8 +250,8 @@ void Smoother::make_lines() {
   }
 }
 
-// Both ends of the first observation, put at the same depth; then a fit of the line alone to all its events from
-// several depths. The best fit wins; without parallax all fit alike and the prior decides.
+// Both ends of the first observation, put at the same depth; then a fit of the line alone to all its events
+// from several depths. The best fit wins; without parallax all fit alike and the prior decides.
 bool Smoother::initialise(Track& track) const {
   const double typical = typical_depth();
   const Observation& seen_first = track.observations.front();
@@ -269,17 +273,19 @@ bool Smoother::initialise(Track& track) const {
     for (const auto& o : track.observations) {
       const auto [it, fresh] = parameters.try_emplace(o.window, to_parameters(states_[o.window]));
       problem.AddResidualBlock(
-          event_line_cost(o.seen.events, windows_[o.window].imu->bias(), projection_, line_noise(options_)).release(),
+          event_line_cost(o.seen.events, windows_[o.window].imu->bias(), projection_, line_noise(options_))
+              .release(),
           nullptr, it->second.pose.data(), it->second.motion.data(), ends.data());
       problem.SetParameterBlockConstant(it->second.pose.data());
       problem.SetParameterBlockConstant(it->second.motion.data());
     }
     problem.AddResidualBlock(
-        depth_prior_cost(T_w_c, typical, options_.depth_prior_log, options_.slant_prior_log).release(), nullptr,
-        ends.data());
+        depth_prior_cost(T_w_c, typical, options_.depth_prior_log, options_.slant_prior_log).release(),
+        nullptr, ends.data());
     const LineEnds begin{ends.head<3>(), ends.tail<3>()};
     problem.AddResidualBlock(
-        end_damping_cost(begin, end_damping_m(T_w_c, begin, projection_.camera)).release(), nullptr, ends.data());
+        end_damping_cost(begin, end_damping_m(T_w_c, begin, projection_.camera)).release(), nullptr,
+        ends.data());
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_QR;
     options.max_num_iterations = 20;
@@ -293,8 +299,8 @@ bool Smoother::initialise(Track& track) const {
   return std::isfinite(best) && observation_rms(track, track.observations.back()) < options_.cull_px;
 }
 
-// Leaves out observations that do not fit; a line that keeps less than half of them, or lies behind the camera that
-// first saw it, is dead.
+// Leaves out observations that do not fit; a line that keeps less than half of them, or lies behind the
+// camera that first saw it, is dead.
 void Smoother::cull() {
   const std::size_t first = first_active();
   for (auto& [id, track] : tracks_) {
@@ -327,14 +333,9 @@ SolveStats Smoother::newest_stats() const {
   return stats;
 }
 
-NavState Smoother::state_at(Time t) const {
-  const auto after = std::upper_bound(states_.begin(), states_.end(), t,
-                                      [](Time value, const NavState& state) { return value < state.t; });
-  const auto index = std::clamp<std::ptrdiff_t>(after - states_.begin() - 1, 0, std::ssize(windows_) - 1);
-  const auto i = static_cast<std::size_t>(index);
-  NavState state = predict(states_[i], windows_[i].imu->at(t), windows_[i].imu->bias(), projection_.gravity);
-  state.t = t;
-  return state;
+std::size_t Smoother::line_count() const {
+  return static_cast<std::size_t>(
+      std::count_if(tracks_.begin(), tracks_.end(), [](const auto& t) { return t.second.mapped && !t.second.dead; }));
 }
 
 std::vector<Line> Smoother::lines() const {

@@ -30,7 +30,7 @@ class TextWriter::Compressor {
   }
 
  private:
-  static constexpr int kLevel = 12;
+  static constexpr int kLevel = 9;
   struct Free {
     void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
   };

@@ -5,6 +5,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "idol/backend/fixed_lag.hpp"
+#include "idol/backend/line_moments.hpp"
+#include "idol/backend/smoother.hpp"
+
 namespace idol {
 namespace {
 
@@ -22,6 +26,11 @@ class Stopwatch {
 constexpr double kImuTail = 0.05;          // [s]: events after the last IMU sample that nobody will miss
 constexpr double kShortestWindow = 0.005;  // [s]: what is left at the end of the data and shorter is not estimated
 
+std::unique_ptr<Backend> make_backend(const Rig& rig, const BackendOptions& options) {
+  if (options.method == BackendMethod::kFixedLag) return std::make_unique<FixedLag>(rig, options);
+  return std::make_unique<Smoother>(rig, options);
+}
+
 // Ends the window earlier.
 void shorten(EventWindow& window, Time end) {
   window.end = end;
@@ -33,7 +42,7 @@ void shorten(EventWindow& window, Time end) {
 
 Odometry::Odometry(const Rig& rig, const Options& options)
     : rig_(rig), options_(options), undistort_(rig.camera), imu_(options.imu.max_gap_s), windower_(options.window),
-      segmenter_(options.segment, undistort_), smoother_(rig, options.backend) {}
+      segmenter_(options.segment, undistort_), smoother_(make_backend(rig, options.backend)) {}
 
 void Odometry::push(const ImuSample& sample) {
   imu_.push(sample);
@@ -55,6 +64,7 @@ void Odometry::finish() {
     waiting_ = std::move(window);
     process_ready(true);
   }
+  if (started()) smoother_->finish();
 }
 
 // A window is taken up once the IMU covers it and the margin behind it, however the data were cut into packets.
@@ -96,7 +106,7 @@ bool Odometry::start(const EventWindow& window, bool last) {
   first.t = window.begin;
   first.T_w_i.q = init.q_w_i;
   first.bias = init.bias;
-  smoother_.start(first, init.still);
+  smoother_->start(first, init.still);
   started_ = true;
   init_until_ = until;
   resting_ = init.still;
@@ -109,7 +119,7 @@ bool Odometry::start(const EventWindow& window, bool last) {
 
 void Odometry::process(const EventWindow& window) {
   Stopwatch watch;
-  const NavState& from = smoother_.latest();
+  const NavState& from = smoother_->latest();
   WindowMeasurement measurement;
   measurement.imu = std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
                                                      window.begin, window.end, from.bias, rig_.imu, options_.imu);
@@ -124,11 +134,11 @@ void Odometry::process(const EventWindow& window) {
   measurement.lines = observe(window, segments, *measurement.imu);
   for (const auto& line : measurement.lines) ++track_windows_[line.id];
   integrate_s += watch.lap();
-  smoother_.add(std::move(measurement));
-  const SolveStats stats = smoother_.solve();
+  smoother_->add(std::move(measurement));
+  const SolveStats stats = smoother_->solve();
   imu_.drop_before(window.end, 2 * options_.imu.margin_samples);
   if (listener_)
-    listener_({smoother_.latest(), window, segments, smoother_, stats, segment_s, integrate_s, watch.lap()});
+    listener_({smoother_->latest(), window, segments, *smoother_, stats, segment_s, integrate_s, watch.lap()});
 }
 
 // A still start lasts until the camera sees clearly more than it did during the first attitude's span: at rest only
@@ -169,15 +179,15 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
     const auto own = std::lower_bound(segment->events.begin(), segment->events.end(),
                                       static_cast<std::uint32_t>(window.overlap));
     const auto count = static_cast<std::size_t>(segment->events.end() - own);
-    const auto wanted = std::min(count, static_cast<std::size_t>(options_.backend.max_events_per_observation));
-    if (wanted < 2) continue;
+    if (count < 2) continue;
     LineObservation observation;
     observation.id = segment->id;
     observation.event_count = static_cast<std::int64_t>(count);
-    for (std::size_t k = 0; k < wanted; ++k) {
-      const Event& e = window.events[*(own + static_cast<std::ptrdiff_t>((2 * k + 1) * count / (2 * wanted)))];
-      observation.events.push_back(measure(undistort_(e.x, e.y).cast<double>(), e.t));
-    }
+    const std::span own_events(own, segment->events.end());
+    if (options_.backend.method == BackendMethod::kFixedLag)
+      observation.bins = compress_events(window, own_events, segment->line, imu);
+    else
+      observation.events = choose_events(window, own_events, imu);
     const Time middle = window.events[*(own + static_cast<std::ptrdiff_t>(count / 2))].t;
     const double t = seconds_between(window.begin, middle);
     observation.end_a = measure(segment->line.point(segment->line.u_min, t), middle);
@@ -187,14 +197,52 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
   return out;
 }
 
+// Spread evenly over the segment's time.
+std::vector<EventMeasurement> Odometry::choose_events(const EventWindow& window, std::span<const std::uint32_t> events,
+                                                      const Preintegration& imu) const {
+  std::vector<EventMeasurement> out;
+  const std::size_t count = events.size();
+  const auto wanted = std::min(count, static_cast<std::size_t>(options_.backend.max_events_per_observation));
+  for (std::size_t k = 0; k < wanted; ++k) {
+    const Event& e = window.events[events[(2 * k + 1) * count / (2 * wanted)]];
+    out.push_back({undistort_(e.x, e.y).cast<double>(), imu.at(e.t)});
+  }
+  return out;
+}
+
+// All events in bins of equal time, each moved across the line to its bin's middle as the segment moves.
+std::vector<LineBin> Odometry::compress_events(const EventWindow& window, std::span<const std::uint32_t> events,
+                                               const MovingLine& line, const Preintegration& imu) const {
+  const double duration = seconds_between(window.begin, window.end);
+  const int bins = std::max(1, static_cast<int>(std::lround(duration / options_.backend.bin_s)));
+  std::vector<LineBin> out;
+  std::size_t next = 0;
+  std::vector<Vec2> points;
+  for (int k = 0; k < bins; ++k) {
+    const double middle = (k + 0.5) * duration / bins;
+    const Time until = window.begin + from_seconds((k + 1) * duration / bins);
+    points.clear();
+    for (; next < events.size() && (window.events[events[next]].t < until || k + 1 == bins); ++next) {
+      const Event& e = window.events[events[next]];
+      const Vec2 px = undistort_(e.x, e.y).cast<double>();
+      const double t = seconds_between(window.begin, e.t), u = line.along({px.x(), px.y(), t});
+      points.push_back(px + line.point(u, middle) - line.point(u, t));
+    }
+    if (std::ssize(points) < options_.backend.min_bin_events) continue;
+    const LineMoments moments = compress(points);
+    out.push_back({moments.a(), moments.b(), imu.at(window.begin + from_seconds(middle)), moments.count});
+  }
+  return out;
+}
+
 std::optional<NavState> Odometry::predict_at(Time t) const {
   if (!started() || imu_.empty() || t > imu_.back_time()) return std::nullopt;
-  const NavState& from = smoother_.latest();
-  if (t <= from.t) return smoother_.state_at(t);
+  const NavState& from = smoother_->latest();
+  if (t <= from.t) return smoother_->state_at(t);
   const auto samples = imu_.slice(from.t, t, options_.imu.margin_samples);
   if (samples.size() < 2) return std::nullopt;
   const Preintegration motion(samples, from.t, t, from.bias, rig_.imu, options_.imu);
-  return predict(from, motion.at(t), motion.bias(), smoother_.projection().gravity);
+  return predict(from, motion.at(t), motion.bias(), smoother_->projection().gravity);
 }
 
 Diagnostics Odometry::diagnostics() const {

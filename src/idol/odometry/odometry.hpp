@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "idol/backend/smoother.hpp"
+#include "idol/backend/backend.hpp"
+#include "idol/backend/backend_options.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/rig.hpp"
@@ -43,7 +44,7 @@ struct Estimate {
   NavState state;  ///< at the window's end, as just published
   const EventWindow& window;
   const SegmentedWindow& segments;
-  const Smoother& smoother;
+  const Backend& smoother;
   SolveStats stats;
   double segment_s = 0, integrate_s = 0, solve_s = 0;  ///< wall time of the stages
 };
@@ -60,9 +61,9 @@ class Odometry {
   /// Last, partial window and what waits for IMU data that will not come.
   void finish();
 
-  [[nodiscard]] const Smoother& smoother() const { return smoother_; }
+  [[nodiscard]] const Backend& smoother() const { return *smoother_; }
   /// True once a window has been estimated.
-  [[nodiscard]] bool started() const { return started_ && smoother_.states().size() > 1; }
+  [[nodiscard]] bool started() const { return started_ && smoother_->states().size() > 1; }
   /// Newest estimate carried to `t` (IMU clock) by the samples present; nullopt before the start or outside the data.
   [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
   /// All oddities met so far.
@@ -75,6 +76,11 @@ class Odometry {
   bool at_rest(const EventWindow& window);
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window, const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;
+  [[nodiscard]] std::vector<EventMeasurement> choose_events(const EventWindow& window,
+                                                            std::span<const std::uint32_t> events,
+                                                            const Preintegration& imu) const;
+  [[nodiscard]] std::vector<LineBin> compress_events(const EventWindow& window, std::span<const std::uint32_t> events,
+                                                     const MovingLine& line, const Preintegration& imu) const;
 
   Rig rig_;
   Options options_;
@@ -82,7 +88,7 @@ class Odometry {
   ImuBuffer imu_;
   Windower windower_;
   Segmenter segmenter_;
-  Smoother smoother_;
+  std::unique_ptr<Backend> smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;
   Time init_until_ = 0;      // the span whose IMU data gave the first attitude

@@ -13,11 +13,19 @@ double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(
 }  // namespace
 
 Renderer::Renderer(const Scene& scene, const Camera& camera)
-    : scene_(scene), camera_(camera), undistort_(camera),
-      intensity_(static_cast<std::size_t>(camera.width * camera.height)), coverage_(intensity_.size()) {
-  for (int y = 0; y < camera.height; ++y)
-    for (int x = 0; x < camera.width; ++x)
-      margin_px_ = std::max(margin_px_, static_cast<double>((undistort_(x, y) - Eigen::Vector2f(static_cast<float>(x), static_cast<float>(y))).norm()));
+    : scene_(scene),
+      camera_(camera),
+      undistort_(camera),
+      intensity_(static_cast<std::size_t>(camera.width * camera.height)),
+      coverage_(intensity_.size()) {
+  for (int y = 0; y < camera.height; ++y) {
+    Row row{undistort_(0, y).y(), undistort_(0, y).y()};
+    for (int x = 1; x < camera.width; ++x) {
+      row.low = std::min(row.low, undistort_(x, y).y());
+      row.high = std::max(row.high, undistort_(x, y).y());
+    }
+    rows_.push_back(row);
+  }
 }
 
 const std::vector<float>& Renderer::render(const Pose& T_w_c) {
@@ -27,59 +35,66 @@ const std::vector<float>& Renderer::render(const Pose& T_w_c) {
   return intensity_;
 }
 
+// The positions that a polygon's edge may touch.
+Renderer::Box Renderer::box_of(const std::vector<Vec2>& polygon) {
+  Box box{polygon[0], polygon[0]};
+  for (const auto& p : polygon) {
+    box.low = box.low.cwiseMin(p);
+    box.high = box.high.cwiseMax(p);
+  }
+  return {box.low.array() - 1, box.high.array() + 1};
+}
+
+// Pixels whose undistorted position lies in the box; along a row of pixels the undistorted x only grows.
+template <class Visit>
+void Renderer::for_each_pixel(const Box& box, Visit&& visit) const {
+  for (int y = 0; y < camera_.height; ++y) {
+    const Row& row = rows_[static_cast<std::size_t>(y)];
+    if (row.high < box.low.y() || row.low > box.high.y()) continue;
+    const Eigen::Vector2f* first = &undistort_(0, y);
+    const Eigen::Vector2f* end = first + camera_.width;
+    const auto* from = std::partition_point(first, end, [&](const auto& u) { return u.x() < box.low.x(); });
+    const auto start = static_cast<std::size_t>(y) * static_cast<std::size_t>(camera_.width);
+    for (const auto* u = from; u != end && u->x() <= box.high.x(); ++u)
+      visit(start + static_cast<std::size_t>(u - first), *u);
+  }
+}
+
 // Pieces of one shape add up, so that the seams between them vanish; then the shape covers what is behind it.
 void Renderer::draw(const Shape& shape, const Pose& T_c_w) {
   const auto outline = project(shape.outline, T_c_w);
   if (outline.empty()) return;
-  std::fill(coverage_.begin(), coverage_.end(), 0.0F);
+  const Box box = box_of(outline);
+  for_each_pixel(box, [&](std::size_t i, const Eigen::Vector2f&) { coverage_[i] = 0; });
   for (const auto& piece : shape.pieces) cover(project(piece, T_c_w));
-  for (std::size_t i = 0; i < intensity_.size(); ++i) {
+  for_each_pixel(box, [&](std::size_t i, const Eigen::Vector2f&) {
     const float c = std::min(coverage_[i], 1.0F);
     if (c > 0) intensity_[i] += c * (static_cast<float>(shape.brightness) - intensity_[i]);
-  }
+  });
 }
 
 // Share of each pixel inside a convex polygon: the distance to its nearest edge, over one pixel.
 void Renderer::cover(const std::vector<Vec2>& polygon) {
   if (polygon.size() < 3) return;
-  Vec2 low = polygon[0], high = polygon[0];
   double area = 0;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    low = low.cwiseMin(polygon[i]);
-    high = high.cwiseMax(polygon[i]);
+  for (std::size_t i = 0; i < polygon.size(); ++i)
     area += cross(polygon[i] - polygon[0], polygon[(i + 1) % polygon.size()] - polygon[0]);
-  }
   if (std::abs(area) < 1e-9) return;
-  struct Edge {
-    double a, b, c;
-  };
-  std::vector<Edge> edges;
+  std::vector<Eigen::Vector3f> edges;  // a x + b y + c: signed distance, positive inside
   for (std::size_t i = 0; i < polygon.size(); ++i) {
     const Vec2 d = polygon[(i + 1) % polygon.size()] - polygon[i];
     const double length = d.norm();
     if (length < 1e-9) continue;
     const double sign = area > 0 ? 1 / length : -1 / length;
-    edges.push_back({-d.y() * sign, d.x() * sign, sign * (d.y() * polygon[i].x() - d.x() * polygon[i].y())});
+    edges.push_back(
+        Vec3(-d.y() * sign, d.x() * sign, sign * (d.y() * polygon[i].x() - d.x() * polygon[i].y()))
+            .cast<float>());
   }
-  // Undistorted positions differ from raw ones by at most the margin: visit the pixels that may lie inside.
-  const auto bound = [](double v, int top) { return static_cast<int>(std::clamp(v, 0.0, static_cast<double>(top))); };
-  const int x0 = bound(std::floor(low.x() - 1 > 0 ? low.x() - 1 - 0 : 0), camera_.width - 1);
-  const int y0 = bound(std::floor(low.y() - 1 > 0 ? low.y() - 1 - 0 : 0), camera_.height - 1);
-  const int x1 = bound(std::ceil(high.x() + 1), camera_.width - 1), y1 = bound(std::ceil(high.y() + 1), camera_.height - 1);
-  const int grow = static_cast<int>(std::ceil(margin_px_));
-  for (int y = std::max(0, y0 - grow); y <= std::min(camera_.height - 1, y1 + grow); ++y) {
-    for (int x = std::max(0, x0 - grow); x <= std::min(camera_.width - 1, x1 + grow); ++x) {
-      const Eigen::Vector2f& u = undistort_(x, y);
-      double inside = 1;
-      for (const auto& e : edges) {
-        inside = std::min(inside, 0.5 + e.a * u.x() + e.b * u.y() + e.c);
-        if (inside <= 0) break;
-      }
-      if (inside > 0)
-        coverage_[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera_.width) + static_cast<std::size_t>(x)] +=
-            static_cast<float>(inside);
-    }
-  }
+  for_each_pixel(box_of(polygon), [&](std::size_t i, const Eigen::Vector2f& u) {
+    float inside = 1;
+    for (const auto& e : edges) inside = std::min(inside, 0.5F + e.x() * u.x() + e.y() * u.y() + e.z());
+    if (inside > 0) coverage_[i] += inside;
+  });
 }
 
 // Cut at the near plane (Sutherland-Hodgman against one plane), then projected without distortion.
@@ -106,7 +121,8 @@ double Renderer::motion_px(const Pose& from, const Pose& to) const {
       if (a.z() < kNear || b.z() < kNear) continue;
       const Vec2 pa = camera_.project(a);
       // Corners far outside the image move faster than anything inside.
-      if (pa.x() < -0.5 * width || pa.y() < -0.5 * height || pa.x() > 1.5 * width || pa.y() > 1.5 * height) continue;
+      if (pa.x() < -0.5 * width || pa.y() < -0.5 * height || pa.x() > 1.5 * width || pa.y() > 1.5 * height)
+        continue;
       largest = std::max(largest, (camera_.project(b) - pa).norm());
     }
   }

@@ -18,8 +18,18 @@ class Renderer {
   [[nodiscard]] double motion_px(const Pose& from, const Pose& to) const;
 
  private:
+  struct Box {  // of undistorted positions
+    Vec2 low, high;
+  };
+  struct Row {  // undistorted y of one row of pixels
+    float low, high;
+  };
+
   void draw(const Shape& shape, const Pose& T_c_w);
   void cover(const std::vector<Vec2>& polygon);
+  [[nodiscard]] static Box box_of(const std::vector<Vec2>& polygon);
+  template <class Visit>
+  void for_each_pixel(const Box& box, Visit&& visit) const;
   [[nodiscard]] std::vector<Vec2> project(const std::vector<Vec3>& polygon, const Pose& T_c_w) const;
 
   Scene scene_;
@@ -27,7 +37,7 @@ class Renderer {
   UndistortMap undistort_;
   std::vector<float> intensity_;
   std::vector<float> coverage_;  // of the shape being drawn
-  double margin_px_ = 0;         // how far undistortion moves a pixel at most
+  std::vector<Row> rows_;
 };
 
 }  // namespace idol

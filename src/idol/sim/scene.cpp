@@ -36,11 +36,13 @@ std::vector<std::vector<Vec3>> triangulate(const std::vector<Vec3>& outline, con
   while (left.size() >= 3) {
     bool cut = false;
     for (std::size_t k = 0; k < left.size() && !cut; ++k) {
-      const std::size_t a = left[(k + left.size() - 1) % left.size()], b = left[k], c = left[(k + 1) % left.size()];
+      const std::size_t a = left[(k + left.size() - 1) % left.size()], b = left[k],
+                        c = left[(k + 1) % left.size()];
       if (cross(flat[b] - flat[a], flat[c] - flat[b]) <= 0) continue;
       bool empty = true;
       for (std::size_t other : left)
-        if (other != a && other != b && other != c && in_triangle(flat[other], flat[a], flat[b], flat[c])) empty = false;
+        if (other != a && other != b && other != c && in_triangle(flat[other], flat[a], flat[b], flat[c]))
+          empty = false;
       if (!empty) continue;
       triangles.push_back({outline[a], outline[b], outline[c]});
       left.erase(left.begin() + static_cast<std::ptrdiff_t>(k));
@@ -128,7 +130,8 @@ Shape make_shape(std::vector<Vec3> outline, double brightness, bool curved) {
   if (!(area.norm() > 1e-9)) throw DataError("a polygon has no area");
   const Vec3 normal = area.normalized();
   for (const auto& p : outline)
-    if (std::abs(normal.dot(p - outline[0])) > 1e-3) throw DataError("the points of a polygon are not in one plane");
+    if (std::abs(normal.dot(p - outline[0])) > 1e-3)
+      throw DataError("the points of a polygon are not in one plane");
   Shape shape;
   shape.pieces = triangulate(outline, normal);
   shape.outline = std::move(outline);
@@ -141,10 +144,12 @@ Scene load_scene(const std::filesystem::path& path) {
   const std::string file = path.string();
   try {
     const YAML::Node root = YAML::LoadFile(file);
-    if (!root.IsMap() || !root["shapes"]) throw DataError(fmt::format("{}:1: no 'shapes' in the scene", file));
+    if (!root.IsMap() || !root["shapes"])
+      throw DataError(fmt::format("{}:1: no 'shapes' in the scene", file));
     Scene scene;
     scene.background = read_number(root, "background", scene.background);
-    if (!(scene.background > 0 && scene.background <= 1)) fail(root["background"], file, "must lie in (0, 1]");
+    if (!(scene.background > 0 && scene.background <= 1))
+      fail(root["background"], file, "must lie in (0, 1]");
     if (root["eye"]) scene.eye = read_point(root["eye"], file);
     if (root["target"]) scene.target = read_point(root["target"], file);
     for (const auto& node : root["shapes"]) {

@@ -26,14 +26,21 @@ Vec3 white(Rng& rng, double sigma) {
 // IMU readings and truth along the spline.
 class ImuSimulator {
  public:
-  ImuSimulator(const Spline& motion, const Rig& rig, const SimulatorOptions& options, const SimulatorSinks& sinks)
-      : motion_(motion), rig_(rig), options_(options), sinks_(sinks), noise_(stream(options.seed, 1)),
-        walk_(stream(options.seed, 2)), bias_(options.bias) {}
+  ImuSimulator(const Spline& motion, const Rig& rig, const SimulatorOptions& options,
+               const SimulatorSinks& sinks)
+      : motion_(motion),
+        rig_(rig),
+        options_(options),
+        sinks_(sinks),
+        noise_(stream(options.seed, 1)),
+        walk_(stream(options.seed, 2)),
+        bias_(options.bias) {}
 
   // Emits everything up to and including time t [s].
   void run_until(double t) {
     const double period = 1 / rig_.imu.rate_hz;
-    for (; static_cast<double>(samples_) * period <= t + 1e-12; ++samples_) emit(static_cast<double>(samples_) * period);
+    for (; static_cast<double>(samples_) * period <= t + 1e-12; ++samples_)
+      emit(static_cast<double>(samples_) * period);
   }
 
  private:
@@ -64,11 +71,15 @@ class ImuSimulator {
   std::int64_t samples_ = 0, truths_ = 0;
 };
 
-// Pixels that fire when their log intensity has moved by a threshold since their last event (Mueggler et al. 2017).
+// Pixels that fire when their log intensity has moved by a threshold since their last event (Mueggler et al.
+// 2017).
 class EventSensor {
  public:
   EventSensor(const Camera& camera, const SimulatorOptions& options)
-      : width_(camera.width), options_(options), jitter_(stream(options.seed, 3)), drop_(stream(options.seed, 4)),
+      : width_(camera.width),
+        options_(options),
+        jitter_(stream(options.seed, 3)),
+        drop_(stream(options.seed, 4)),
         background_(stream(options.seed, 5)) {
     Rng rng = stream(options.seed, 6);
     std::normal_distribution<double> mismatch(1, options.contrast_mismatch);
@@ -87,7 +98,8 @@ class EventSensor {
       pixels_[i].reference = pixels_[i].level = log_level(intensity[i]);
   }
 
-  // Events of (t0, t1], the intensity going from the last one to this one in a straight line of its logarithm.
+  // Events of (t0, t1], the intensity going from the last one to this one in a straight line of its
+  // logarithm.
   void step(const std::vector<float>& intensity, double t0, double t1, std::vector<Event>& out) {
     for (std::size_t i = 0; i < pixels_.size(); ++i) {
       Pixel& p = pixels_[i];
@@ -102,11 +114,11 @@ class EventSensor {
 
  private:
   struct Pixel {
-    float on = 0, off = 0;      // thresholds
-    float reference = 0;        // log intensity at the last event
-    float level = 0;            // log intensity now
+    float on = 0, off = 0;  // thresholds
+    float reference = 0;    // log intensity at the last event
+    float level = 0;        // log intensity now
     float intensity = -1;
-    double last = -1;           // time of the last event [s]
+    double last = -1;  // time of the last event [s]
   };
 
   static float log_level(float intensity) { return std::log(intensity + 0.01F); }
@@ -127,11 +139,15 @@ class EventSensor {
   }
 
   void emit(std::size_t i, double t, bool polarity, double t0, double t1, std::vector<Event>& out) {
-    if (options_.drop_share > 0 && std::uniform_real_distribution<double>(0, 1)(drop_) < options_.drop_share) return;
+    if (options_.drop_share > 0 && std::uniform_real_distribution<double>(0, 1)(drop_) < options_.drop_share)
+      return;
     // Jitter is kept inside the step: the stream stays in order without a look-ahead.
-    const double moved = std::clamp(t + options_.jitter_s * std::normal_distribution<double>(0, 1)(jitter_), t0, t1);
+    const double moved =
+        std::clamp(t + options_.jitter_s * std::normal_distribution<double>(0, 1)(jitter_), t0, t1);
     const auto width = static_cast<std::size_t>(width_);
-    out.push_back({from_seconds(moved), static_cast<std::uint16_t>(i % width), static_cast<std::uint16_t>(i / width), polarity});
+    const Time stamp = (from_seconds(moved) + 500) / 1000 * 1000;  // the sensor's clock ticks in microseconds
+    out.push_back({stamp, static_cast<std::uint16_t>(i % width),
+                   static_cast<std::uint16_t>(i / width), polarity});
   }
 
   void add_noise(double t0, double t1, std::vector<Event>& out) {
@@ -167,7 +183,8 @@ void simulate(const Scene& scene, const Spline& motion, const Rig& rig, const Si
   while (t < end) {
     // The largest step that moves no corner by more than the limit, found by halving.
     step = std::min({2 * step, options.max_step_s, end - t});
-    while (step > 2e-5 && renderer.motion_px(camera_at(t), camera_at(t + step)) > options.max_step_px) step /= 2;
+    while (step > 2e-5 && renderer.motion_px(camera_at(t), camera_at(t + step)) > options.max_step_px)
+      step /= 2;
     events.clear();
     sensor.step(renderer.render(camera_at(t + step)), t, t + step, events);
     std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
@@ -194,7 +211,9 @@ SimulatedRecording simulate_in_memory(const Scene& scene, const Spline& motion, 
   SimulatedRecording out;
   simulate(scene, motion, rig, options,
            {[&](std::span<const Event> e) { out.events.insert(out.events.end(), e.begin(), e.end()); },
-            [&](const ImuSample& s) { out.imu.push_back(s); }, [&](const NavState& s) { out.truth.push_back(s); }, {}});
+            [&](const ImuSample& s) { out.imu.push_back(s); },
+            [&](const NavState& s) { out.truth.push_back(s); },
+            {}});
   return out;
 }
 

@@ -15,18 +15,18 @@
 namespace idol {
 
 struct SimulatorOptions {
-  double contrast_on = 0.28;       ///< change of log intensity that makes an event
+  double contrast_on = 0.28;  ///< change of log intensity that makes an event
   double contrast_off = 0.30;
-  double contrast_mismatch = 0.04; ///< relative standard deviation from pixel to pixel
+  double contrast_mismatch = 0.04;  ///< relative standard deviation from pixel to pixel
   double refractory_s = 1e-4;
-  double jitter_s = 15e-6;         ///< standard deviation of stamps
-  double background_hz = 0.25;     ///< noise events per pixel and second (leak and shot noise)
+  double jitter_s = 15e-6;      ///< standard deviation of stamps
+  double background_hz = 0.25;  ///< noise events per pixel and second (leak and shot noise)
   int hot_pixels = 8;
   double hot_pixel_hz = 60;
-  double drop_share = 0;           ///< of the events, lost at random
-  double max_step_px = 0.35;       ///< image motion between two renderings
+  double drop_share = 0;      ///< of the events, lost at random
+  double max_step_px = 0.35;  ///< image motion between two renderings
   double max_step_s = 2e-3;
-  double imu_noise_scale = 1;      ///< on the rig's noise densities; 0 = ideal readings
+  double imu_noise_scale = 1;  ///< on the rig's noise densities; 0 = ideal readings
   ImuBias bias{Vec3(-0.003, 0.002, -0.009), Vec3(0.07, -0.09, 0.04)};
   std::uint64_t seed = 1;
 };
@@ -43,7 +43,8 @@ struct SimulatorSinks {
 void simulate(const Scene& scene, const Spline& motion, const Rig& rig, const SimulatorOptions& options,
               const SimulatorSinks& sinks);
 
-/// Straight edges of the scene that a camera can see as lines, in the world, with the log contrast to the background.
+/// Straight edges of the scene that a camera can see as lines, in the world, with the log contrast to the
+/// background.
 struct TrueLine {
   Vec3 a, b;
   double contrast;

@@ -30,12 +30,14 @@ double smoothstep(double x) {
 class Wander {
  public:
   Wander(std::initializer_list<double> hz, std::mt19937_64& rng) {
-    for (double f : hz) waves_.push_back({f, std::uniform_real_distribution<double>(0, 2 * std::numbers::pi)(rng)});
+    for (double f : hz)
+      waves_.push_back({f, std::uniform_real_distribution<double>(0, 2 * std::numbers::pi)(rng)});
   }
   [[nodiscard]] double at(double t) const {
     double sum = 0;
     for (const auto& [hz, phase] : waves_)
-      sum += (std::sin(2 * std::numbers::pi * hz * t + phase) - std::sin(phase)) / static_cast<double>(waves_.size());
+      sum += (std::sin(2 * std::numbers::pi * hz * t + phase) - std::sin(phase)) /
+             static_cast<double>(waves_.size());
     return sum;
   }
 
@@ -45,7 +47,8 @@ class Wander {
 
 }  // namespace
 
-Spline::Spline(std::vector<Pose> control, double spacing_s) : control_(std::move(control)), spacing_(spacing_s) {
+Spline::Spline(std::vector<Pose> control, double spacing_s)
+    : control_(std::move(control)), spacing_(spacing_s) {
   if (control_.size() < 4) throw DataError("a spline needs at least four control poses");
   for (std::size_t k = 0; k + 1 < control_.size(); ++k)
     turn_.push_back(quat_log(control_[k].q.conjugate() * control_[k + 1].q));
@@ -88,8 +91,9 @@ Spline hand_motion(const Pose& start, const HandMotion& motion) {
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);
       shift[axis] = motion.position_m * grown * wander[a].at(wander_t) + 1e-4 * tremor[a].at(t);
-      turn[axis] = (motion.translation_only ? 0.1 : 1.0) * motion.rotation_rad * grown * wander[a + 3].at(wander_t) +
-                   2e-4 * tremor[a + 3].at(t);
+      turn[axis] =
+          (motion.translation_only ? 0.1 : 1.0) * motion.rotation_rad * grown * wander[a + 3].at(wander_t) +
+          2e-4 * tremor[a + 3].at(t);
     }
     control.push_back({start.q * quat_exp(turn), start.p + shift});
   }

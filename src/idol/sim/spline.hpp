@@ -1,4 +1,5 @@
-// A smooth motion with exact derivatives: uniform cumulative cubic B-spline on SO(3) x R^3 (Sommer et al. 2020).
+// A smooth motion with exact derivatives: uniform cumulative cubic B-spline on SO(3) x R^3 (Sommer et al.
+// 2020).
 #pragma once
 
 #include <cstdint>
@@ -44,8 +45,8 @@ struct HandMotion {
 /// A hand-held wander about `start` (pose of the IMU): sums of sines with random phases, and a small tremor.
 Spline hand_motion(const Pose& start, const HandMotion& motion);
 
-/// A spline near the poses of a recorded trajectory of the camera, e.g. of motion capture; gaps are bridged. `speed`
-/// plays it faster or slower. Throws DataError if it is shorter than a second.
+/// A spline near the poses of a recorded trajectory of the camera, e.g. of motion capture; gaps are bridged.
+/// `speed` plays it faster or slower. Throws DataError if it is shorter than a second.
 Spline spline_from_trajectory(const Trajectory& camera, const Pose& T_i_c, double speed);
 
 }  // namespace idol

@@ -1,0 +1,68 @@
+// A 3D line by its four degrees of freedom, seen from a fixed camera pose: each of two ends moves across the line in that
+// image and in inverse depth, never along the line. Projections are nearly linear in these numbers, however little is
+// known of the depth, and nothing happens at infinity.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "idol/backend/residuals.hpp"
+
+namespace idol {
+
+using Vec4 = Eigen::Vector4d;
+using LineRow4 = Eigen::Matrix<double, 1, 4>;
+
+/// What of a line never changes: camera pose when it was made, and its image then.
+struct LineAnchor {
+  Pose T_w_c;
+  Vec2 a = Vec2::Zero(), b = Vec2::UnitX();  ///< ends in normalised coordinates
+  Vec2 normal = Vec2::UnitY();               ///< unit, across the line
+
+  /// `a_px`, `b_px`: undistorted pixels of two ends.
+  static LineAnchor from_image(const Pose& T_w_c, const Vec2& a_px, const Vec2& b_px, const Camera& camera);
+};
+
+/// A point of projective space, x / w in the world; w = 0 is at infinity.
+struct HomogeneousPoint {
+  Vec3 x = Vec3::Zero();
+  double w = 1;
+};
+
+/// Coordinates: [offset of a, inverse depth of a, offset of b, inverse depth of b], offsets in normalised coordinates,
+/// inverse depths in 1/m.
+struct AnchoredLine {
+  LineAnchor anchor;
+  Vec4 coordinates = Vec4(0, 1, 0, 1);
+
+  [[nodiscard]] HomogeneousPoint end_a() const { return end(anchor.a, coordinates[0], coordinates[1]); }
+  [[nodiscard]] HomogeneousPoint end_b() const { return end(anchor.b, coordinates[2], coordinates[3]); }
+  /// In front of the anchor camera and not farther than 1 km.
+  [[nodiscard]] bool finite() const;
+  /// The two ends in the world; only if finite().
+  [[nodiscard]] LineEnds ends() const;
+
+ private:
+  [[nodiscard]] HomogeneousPoint end(const Vec2& m, double offset, double inverse_depth) const;
+};
+
+/// A homogeneous point in the camera at the time of `motion`, up to its scale: x = w x_c.
+struct HomogeneousInCamera {
+  Vec3 x = Vec3::Zero();
+  Eigen::Matrix<double, 3, 15> d_x_d_state;
+  Mat3 d_x_d_point;  ///< to HomogeneousPoint::x
+  Vec3 d_x_d_w;
+};
+HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
+                              const ImuBias& linearised_at, const Projection& projection);
+
+/// Distances [px] of two points of the image from the line at one time, with Jacobians.
+struct BinResidual {
+  Vec2 value = Vec2::Zero();
+  Eigen::Matrix<double, 2, 15> d_state;
+  Eigen::Matrix<double, 2, 4> d_line;
+  bool valid = false;
+};
+BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const NavState& state,
+                        const Preintegrated& motion, const ImuBias& linearised_at, const Projection& projection);
+
+}  // namespace idol

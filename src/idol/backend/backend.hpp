@@ -1,0 +1,84 @@
+// What every estimator is to the rest of the program: states over time, lines, and the verbs of the schedule.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "idol/backend/residuals.hpp"
+#include "idol/base/rig.hpp"
+#include "idol/imu/preintegration.hpp"
+
+namespace idol {
+
+/// Events of one line within some milliseconds as two points at one time (line_moments.hpp).
+struct LineBin {
+  Vec2 a_px = Vec2::Zero(), b_px = Vec2::Zero();
+  Preintegrated motion;  ///< from the window's begin to the bin's time
+  int count = 0;
+};
+
+/// What one window saw of one segment.
+struct LineObservation {
+  LineId id = kNoLine;
+  std::vector<EventMeasurement> events;  ///< the ones used one by one, in time order (batch)
+  std::vector<LineBin> bins;             ///< all of them, compressed (fixed lag)
+  std::int64_t event_count = 0;          ///< all of them
+  EventMeasurement end_a, end_b;         ///< its two ends at the middle of its events' time
+};
+
+struct WindowMeasurement {
+  std::shared_ptr<const Preintegration> imu;  ///< of [begin, end)
+  std::vector<LineObservation> lines;
+  bool still = false;                         ///< at rest at its begin
+};
+
+struct SolveStats {
+  int lines = 0;         ///< in the problem
+  int residuals = 0;     ///< scalar rows in the problem
+  int iterations = 0;
+  double cost = 0;
+  double rms_px = 0;     ///< of the newest window's events to their lines
+  double mean_track_s = 0;  ///< of the lines seen in the newest window
+};
+
+class Backend {
+ public:
+  explicit Backend(const Rig& rig, double gravity)
+      : noise_(rig.imu), projection_{rig.camera, rig.T_i_c, Vec3(0, 0, -gravity)} {}
+  virtual ~Backend() = default;
+
+  /// First state, at the begin of the first window.
+  virtual void start(const NavState& first, bool still) = 0;
+  /// Appends a window: predicts the state at its end, files its observations. Windows follow each other in time.
+  virtual void add(WindowMeasurement window) = 0;
+  /// Optimises; then makes lines of the tracks that are ready, drops what does not fit.
+  virtual SolveStats solve() = 0;
+  /// After the last window: the best estimate of everything.
+  virtual void finish() {}
+  /// Mapped lines, by id.
+  [[nodiscard]] virtual std::vector<Line> lines() const = 0;
+  [[nodiscard]] virtual std::size_t line_count() const = 0;
+
+  /// States at the begin of each window and at the end of the last.
+  [[nodiscard]] const std::vector<NavState>& states() const { return states_; }
+  [[nodiscard]] const NavState& latest() const { return states_.back(); }
+  /// State at any time of the windows so far, through the continuous representation.
+  [[nodiscard]] NavState state_at(Time t) const;
+  [[nodiscard]] const Projection& projection() const { return projection_; }
+
+ protected:
+  struct Window {
+    std::shared_ptr<const Preintegration> imu;
+    bool still = false;
+  };
+
+  /// State at the end of the window from that at its begin; both lists grow by one.
+  void append(const WindowMeasurement& window);
+
+  ImuNoise noise_;
+  Projection projection_;
+  std::vector<NavState> states_;
+  std::vector<Window> windows_;
+};
+
+}  // namespace idol

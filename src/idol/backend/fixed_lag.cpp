@@ -1,0 +1,324 @@
+#include "idol/backend/fixed_lag.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace idol {
+namespace {
+
+constexpr double kNearPx = 1e-6;
+
+double percentile(std::vector<double> values, double share) {
+  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + k, values.end());
+  return values[static_cast<std::size_t>(k)];
+}
+
+}  // namespace
+
+FixedLag::FixedLag(const Rig& rig, const BackendOptions& options) : Backend(rig, options.gravity), options_(options) {}
+
+// Position and yaw are the gauge: known. Tilt is loose, since at rest the IMU factors tie it to the accelerometer's bias.
+void FixedLag::start(const NavState& first, bool still) {
+  constexpr double kGauge = 1e-4, kTilt = 0.1;
+  states_ = {first};
+  prior_.state = first;
+  Vec15 sigma;
+  sigma << Vec3::Constant(kGauge), kTilt, kTilt, kGauge,
+      Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
+      Vec3::Constant(still ? options_.gyro_bias_sigma : options_.moving_gyro_bias_sigma),
+      Vec3::Constant(options_.accel_bias_sigma);
+  prior_.H = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
+  // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
+  const Mat3 R = first.T_w_i.R();
+  prior_.H.block<3, 3>(3, 3) = (R.transpose() * prior_.H.block<3, 3>(3, 3) * R).eval();
+  prior_.g = Eigen::VectorXd::Zero(kStateDim);
+}
+
+void FixedLag::add(WindowMeasurement window) {
+  const std::size_t index = windows_.size();
+  append(window);
+  const Preintegration& imu = *window.imu;
+  inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity())});
+  for (auto& seen : window.lines) file(index, std::move(seen));
+}
+
+// Under its own id, or that of the known line it lies on.
+void FixedLag::file(std::size_t window, LineObservation&& seen) {
+  LineId id = seen.id;
+  if (const auto it = alias_.find(id); it != alias_.end()) id = it->second;
+  auto found = tracks_.find(id);
+  if (found == tracks_.end() || !found->second.mapped) {
+    if (const auto known = known_line(seen, window)) {
+      alias_[seen.id] = *known;
+      if (found != tracks_.end()) tracks_.erase(found);
+      found = tracks_.find(*known);
+    }
+  }
+  if (found == tracks_.end()) found = tracks_.try_emplace(id).first;
+  Track& track = found->second;
+  if (track.dead) return;
+  if (track.windows == 0) track.first_window = window;
+  if (track.windows == 0 || track.last_window != window) ++track.windows;
+  track.last_window = window;
+  track.events += seen.event_count;
+  track.seen.push_back({window, std::move(seen.bins), seen.end_a, seen.end_b, false});
+}
+
+// A mapped line whose image is where the segment is: both ends within the gate, most of the segment inside the line's
+// extent, and no second line as near.
+std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::size_t window) const {
+  const NavState& state = states_[window];
+  const ImuBias& bias = windows_[window].imu->bias();
+  std::optional<LineId> best;
+  double nearest = options_.redetect_px, second = 1e9;
+  const Vec2 from = seen.end_a.px, to = seen.end_b.px;
+  for (const auto& [id, track] : tracks_) {
+    if (!track.mapped || track.dead || !track.line.finite()) continue;
+    const Line line = line_of(id, track);
+    const Vec3 a = to_camera(line.a, state, seen.end_a.motion, bias, projection_).x;
+    const Vec3 b = to_camera(line.b, state, seen.end_a.motion, bias, projection_).x;
+    if (a.z() < 0.05 || b.z() < 0.05) continue;
+    const Vec2 pa = projection_.camera.project(a), pb = projection_.camera.project(b);
+    const double length = (pb - pa).norm();
+    if (length < kNearPx) continue;
+    const Vec2 along = (pb - pa) / length, across(-along.y(), along.x());
+    const double distance = std::max(std::abs(across.dot(from - pa)), std::abs(across.dot(to - pa)));
+    if (distance > 3 * options_.redetect_px) continue;
+    const double u0 = along.dot(from - pa), u1 = along.dot(to - pa);
+    const double overlap = std::min(std::max(u0, u1), length) - std::max(std::min(u0, u1), 0.0);
+    if (overlap < 0.5 * std::min(std::abs(u1 - u0), length)) continue;
+    if (distance < nearest) {
+      second = best ? nearest : second;
+      nearest = distance;
+      best = id;
+    } else {
+      second = std::min(second, distance);
+    }
+  }
+  if (best && second < 1.5 * nearest + 0.5) return std::nullopt;
+  return best;
+}
+
+SolveStats FixedLag::solve() {
+  while (states_.size() - first_ > static_cast<std::size_t>(options_.lag_windows) + 1) marginalise_oldest();
+  forget();
+  make_lines();
+  const std::vector<LineId> ids = active_lines();
+  const Prior prior = reduced_prior(ids);
+  SolveStats stats;
+  double damping = 1e-9;
+  ChainSystem system = linearise(ids, prior);
+  for (stats.iterations = 1; stats.iterations <= options_.max_iterations; ++stats.iterations) {
+    const auto step = system.solve(damping);
+    const auto states = states_;
+    std::vector<Vec4> before;
+    for (LineId id : ids) before.push_back(tracks_.at(id).line.coordinates);
+    if (!step.states.empty()) apply(step, ids);
+    ChainSystem moved = linearise(ids, prior);
+    if (step.states.empty() || !(moved.cost <= system.cost * (1 + 1e-9))) {
+      states_ = states;
+      for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = before[k];
+      damping = std::max(1e-6, 30 * damping);
+      if (damping > 1e3) break;
+      continue;
+    }
+    damping = std::max(1e-9, damping / 10);
+    const double gain = system.cost - moved.cost;
+    system = std::move(moved);
+    if (gain < 1e-4 * (1 + std::abs(system.cost))) break;
+  }
+  update_resting_lines(ids);
+  cull();
+  measure_extents();
+  const SolveStats newest = newest_stats();
+  stats.lines = static_cast<int>(ids.size());
+  for (LineId id : ids)
+    for (const auto& seen : tracks_.at(id).seen) stats.residuals += 2 * static_cast<int>(seen.bins.size());
+  stats.cost = system.cost;
+  stats.rms_px = newest.rms_px;
+  stats.mean_track_s = newest.mean_track_s;
+  return stats;
+}
+
+// Mapped lines with something to say about the active states.
+std::vector<LineId> FixedLag::active_lines() const {
+  std::vector<LineId> ids;
+  for (const auto& [id, track] : tracks_)
+    if (track.mapped && !track.dead &&
+        std::any_of(track.seen.begin(), track.seen.end(), [](const Observation& o) { return !o.rejected; }))
+      ids.push_back(id);
+  return ids;
+}
+
+double FixedLag::typical_depth() const {
+  const Pose T_c_w = (states_.back().T_w_i * projection_.T_i_c).inverse();
+  std::vector<double> depths;
+  for (const auto& [id, track] : tracks_) {
+    if (!track.mapped || track.dead || track.seen.empty() || !track.line.finite()) continue;
+    const LineEnds ends = track.line.ends();
+    const double z = (T_c_w * Vec3(0.5 * (ends.a + ends.b))).z();
+    if (z > 0.1) depths.push_back(z);
+  }
+  return depths.size() < 3 ? options_.first_depth_m : percentile(depths, 0.5);
+}
+
+void FixedLag::make_lines() {
+  for (auto& [id, track] : tracks_)
+    if (!track.mapped && !track.dead && !track.seen.empty() && track.last_window + 1 == windows_.size() &&
+        std::ssize(track.seen) >= options_.min_windows)
+      track.mapped = triangulate(track);
+  // Segments that ended before they could become lines.
+  std::erase_if(tracks_, [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
+}
+
+// A fit of the line alone, poses fixed, from several depths. Accepted once the bins agree on it and say how far it is:
+// the parallax must leave the line's own plane.
+bool FixedLag::triangulate(Track& track) const {
+  const Observation& newest = track.seen.back();
+  const NavState at = predict(states_[newest.window], newest.end_a.motion, windows_[newest.window].imu->bias(),
+                              projection_.gravity);
+  AnchoredLine line;
+  line.anchor = LineAnchor::from_image(at.T_w_i * projection_.T_i_c, newest.end_a.px, newest.end_b.px, projection_.camera);
+  const double typical = typical_depth();
+  for (double factor : {1.0, 0.5, 2.0}) {
+    line.coordinates = Vec4(0, 1 / (factor * typical), 0, 1 / (factor * typical));
+    Eigen::Matrix4d H;
+    double mean_square = 1e9;
+    for (int iteration = 0; iteration < 6; ++iteration) {
+      H.setZero();
+      Vec4 g = Vec4::Zero();
+      double squares = 0;
+      int rows = 0;
+      for (const auto& seen : track.seen)
+        for (const auto& bin : seen.bins) {
+          const BinResidual r = bin_to_line(bin.a_px, bin.b_px, line, states_[seen.window], bin.motion,
+                                            windows_[seen.window].imu->bias(), projection_);
+          if (!r.valid) continue;
+          const double weight = 1 / std::pow(sigma_px(bin), 2);
+          H += weight * r.d_line.transpose() * r.d_line;
+          g += weight * r.d_line.transpose() * r.value;
+          squares += r.value.squaredNorm();
+          rows += 2;
+        }
+      mean_square = squares / std::max(1, rows);
+      const Vec4 step = H.ldlt().solve(-g);
+      if (!step.allFinite()) return false;
+      const Vec4 moved = line.coordinates + step;
+      line.coordinates << moved[0], std::max(moved[1], 0.1 * line.coordinates[1]), moved[2],
+          std::max(moved[3], 0.1 * line.coordinates[3]);
+    }
+    if (!(std::sqrt(mean_square) < options_.create_rms_px)) continue;
+    const Eigen::Matrix4d covariance = H.inverse();
+    const double rho = 0.5 * (line.coordinates[1] + line.coordinates[3]);
+    const double sigma =
+        0.5 * std::sqrt(std::max(0.0, covariance(1, 1) + covariance(3, 3) + 2 * covariance(1, 3)));
+    if (!(rho > 0.02 && rho < 10 && sigma < options_.create_depth_sigma * rho)) continue;
+    if (line.coordinates[1] < 0.2 * rho || line.coordinates[3] < 0.2 * rho) continue;
+    track.line = line;
+    return true;
+  }
+  return false;
+}
+
+double FixedLag::rms_px(const Track& track, const Observation& seen) const {
+  double sum = 0;
+  int rows = 0;
+  for (const auto& bin : seen.bins) {
+    const BinResidual r = bin_to_line(bin.a_px, bin.b_px, track.line, states_[seen.window], bin.motion,
+                                      windows_[seen.window].imu->bias(), projection_);
+    if (!r.valid) continue;
+    sum += r.value.squaredNorm();
+    rows += 2;
+  }
+  return rows == 0 ? 1e6 : std::sqrt(sum / rows);
+}
+
+// Leaves out what does not fit. A line that keeps less than half of what it saw lately, or has gone to infinity or behind
+// the camera that made it, is dead.
+void FixedLag::cull() {
+  for (auto& [id, track] : tracks_) {
+    if (!track.mapped || track.dead || track.seen.empty()) continue;
+    std::ptrdiff_t kept = 0;
+    for (auto& seen : track.seen) {
+      seen.rejected = rms_px(track, seen) > options_.cull_px;
+      if (!seen.rejected) ++kept;
+    }
+    track.dead = 2 * kept < std::ssize(track.seen) || !track.line.finite();
+  }
+}
+
+// Where the rays through the ends of the newest observations meet the line, from the anchor's a on [m].
+void FixedLag::measure_extents() {
+  constexpr std::size_t kKept = 32;
+  for (auto& [id, track] : tracks_) {
+    if (!track.mapped || track.dead || track.seen.empty() || track.seen.back().window + 1 != windows_.size()) continue;
+    const Observation& seen = track.seen.back();
+    const LineEnds ends = track.line.ends();
+    const Vec3 along = (ends.b - ends.a).normalized();
+    double u[2];
+    for (int k = 0; k < 2; ++k) {
+      const EventMeasurement& end = k == 0 ? seen.end_a : seen.end_b;
+      const Pose T_w_c = predict(states_[seen.window], end.motion, windows_[seen.window].imu->bias(),
+                                 projection_.gravity).T_w_i * projection_.T_i_c;
+      const Vec2 m = projection_.camera.normalise(end.px);
+      const Vec3 ray = (T_w_c.q * Vec3(m.x(), m.y(), 1)).normalized();
+      // Point of the line nearest to the ray.
+      const Vec3 off = T_w_c.p - ends.a;
+      const double c = along.dot(ray), denominator = 1 - c * c;
+      u[k] = denominator < 1e-4 ? 0 : (along.dot(off) - c * ray.dot(off)) / denominator;
+    }
+    track.low.push_back(std::min(u[0], u[1]));
+    track.high.push_back(std::max(u[0], u[1]));
+    if (track.low.size() > kKept) {
+      track.low.erase(track.low.begin());
+      track.high.erase(track.high.begin());
+    }
+  }
+}
+
+Line FixedLag::line_of(LineId id, const Track& track) const {
+  Line line;
+  line.id = id;
+  const LineEnds ends = track.line.ends();
+  const Vec3 along = (ends.b - ends.a).normalized();
+  line.a = track.low.empty() ? ends.a : Vec3(ends.a + percentile(track.low, 0.1) * along);
+  line.b = track.high.empty() ? ends.b : Vec3(ends.a + percentile(track.high, 0.9) * along);
+  line.first = states_[track.first_window].t;
+  line.last = states_[track.last_window + 1].t;
+  line.windows = track.windows;
+  line.events = track.events;
+  return line;
+}
+
+std::vector<Line> FixedLag::lines() const {
+  std::vector<Line> out;
+  for (const auto& [id, track] : tracks_)
+    if (track.mapped && !track.dead && track.line.finite()) out.push_back(line_of(id, track));
+  return out;
+}
+
+std::size_t FixedLag::line_count() const {
+  return static_cast<std::size_t>(std::count_if(tracks_.begin(), tracks_.end(), [](const auto& entry) {
+    return entry.second.mapped && !entry.second.dead;
+  }));
+}
+
+SolveStats FixedLag::newest_stats() const {
+  SolveStats stats;
+  int seen = 0;
+  double squares = 0;
+  for (const auto& [id, track] : tracks_) {
+    if (!track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size()) continue;
+    ++seen;
+    squares += std::pow(rms_px(track, track.seen.back()), 2);
+    stats.mean_track_s += seconds_between(states_[track.first_window].t, states_.back().t);
+  }
+  if (seen == 0) return stats;
+  stats.rms_px = std::sqrt(squares / seen);
+  stats.mean_track_s /= seen;
+  return stats;
+}
+
+}  // namespace idol

@@ -1,0 +1,86 @@
+// The real-time estimator: states of the last second, minimal lines, compressed events, and everything older in a marginal
+// prior (docs/architecture.md). Lines out of sight stay in the prior and are found again.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "idol/backend/anchored_line.hpp"
+#include "idol/backend/backend.hpp"
+#include "idol/backend/backend_options.hpp"
+#include "idol/backend/chain_system.hpp"
+
+namespace idol {
+
+class FixedLag : public Backend {
+ public:
+  FixedLag(const Rig& rig, const BackendOptions& options);
+
+  void start(const NavState& first, bool still) override;
+  void add(WindowMeasurement window) override;
+  SolveStats solve() override;
+  [[nodiscard]] std::vector<Line> lines() const override;
+  [[nodiscard]] std::size_t line_count() const override;
+
+ private:
+  struct Observation {
+    std::size_t window = 0;
+    std::vector<LineBin> bins;
+    EventMeasurement end_a, end_b;
+    bool rejected = false;
+  };
+  struct Track {
+    bool mapped = false, dead = false;
+    AnchoredLine line;
+    std::vector<Observation> seen;  // in the active windows
+    std::vector<double> low, high;  // of recent observations' ends, along the line from the anchor's a [m]
+    std::size_t first_window = 0, last_window = 0;
+    int windows = 0;
+    std::int64_t events = 0;
+  };
+  // What is known from marginalised windows: cost = g.d + d.H.d / 2, d the change of [state, lines] from here.
+  struct Prior {
+    NavState state;
+    std::vector<std::pair<LineId, Vec4>> lines;
+    Eigen::MatrixXd H;
+    Eigen::VectorXd g;
+  };
+  struct Inertial {  // of one window
+    Preintegrated motion;
+    Mat9 weight;  // W^T W = inverse covariance
+  };
+
+  void file(std::size_t window, LineObservation&& seen);
+  void make_lines();
+  [[nodiscard]] bool triangulate(Track& track) const;
+  [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
+  [[nodiscard]] double typical_depth() const;
+
+  [[nodiscard]] std::vector<LineId> active_lines() const;
+  [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
+  void add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const;
+  void add_window(ChainSystem& system, std::size_t window, std::size_t slot) const;
+  void add_observation(ChainSystem& system, const Track& track, const Observation& seen, std::size_t slot,
+                       Eigen::Index column) const;
+  [[nodiscard]] Prior reduced_prior(const std::vector<LineId>& ids) const;
+  void update_resting_lines(const std::vector<LineId>& ids);
+  void apply(const ChainSystem::Step& step, const std::vector<LineId>& ids);
+  void marginalise_oldest();
+  void forget();
+  void cull();
+  void measure_extents();
+  [[nodiscard]] double rms_px(const Track& track, const Observation& seen) const;
+  [[nodiscard]] double sigma_px(const LineBin& bin) const;
+  [[nodiscard]] SolveStats newest_stats() const;
+  [[nodiscard]] Line line_of(LineId id, const Track& track) const;
+
+  BackendOptions options_;
+  std::size_t first_ = 0;  // oldest active state
+  std::vector<Inertial> inertial_;
+  std::map<LineId, Track> tracks_;
+  std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
+  Prior prior_;
+};
+
+}  // namespace idol
