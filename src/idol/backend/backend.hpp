@@ -13,8 +13,8 @@ namespace idol {
 /// Events of one line within some milliseconds as two points at one time (line_moments.hpp).
 struct LineBin {
   Vec2 a_px = Vec2::Zero(), b_px = Vec2::Zero();
-  Preintegrated motion;  ///< from the window's begin to the bin's time
-  int count = 0;
+  int slot = 0;          ///< which of the window's bin times
+  int count = 0;         ///< events
 };
 
 /// What one window saw of one segment.
@@ -29,6 +29,7 @@ struct LineObservation {
 struct WindowMeasurement {
   std::shared_ptr<const Preintegration> imu;  ///< of [begin, end)
   std::vector<LineObservation> lines;
+  std::vector<Preintegrated> bin_motions;     ///< from the window's begin to each of its bin times
   bool still = false;                         ///< at rest at its begin
 };
 
@@ -54,7 +55,7 @@ class Backend {
   /// Optimises; then makes lines of the tracks that are ready, drops what does not fit.
   virtual SolveStats solve() = 0;
   /// After the last window: the best estimate of everything.
-  virtual void finish() {}
+  virtual SolveStats finish() { return {}; }
   /// Mapped lines, by id.
   [[nodiscard]] virtual std::vector<Line> lines() const = 0;
   [[nodiscard]] virtual std::size_t line_count() const = 0;

@@ -35,6 +35,7 @@ struct BackendOptions {
   double create_rms_px = 1.0;
   double redetect_px = 2.5;
   int max_resting_lines = 60;
+  double last_pass_s = 60;
   double batch_s = 24;
   int lag_windows = 30;
   int max_iterations = 8;
@@ -76,6 +77,8 @@ struct BackendOptions {
     visit("create_rms_px", self.create_rms_px, Range{0.1, 100}, "and the largest RMS of its bins then [px]");
     visit("redetect_px", self.redetect_px, Range{0, 20}, "a segment this near to a known line's image is that line [px]");
     visit("max_resting_lines", self.max_resting_lines, Range{0, 1000}, "lines out of sight that are remembered");
+    visit("last_pass_s", self.last_pass_s, Range{0, 1e6},
+          "recordings up to this length get a last pass over everything, for the smoothed trajectory [s]");
     visit("batch_s", self.batch_s, Range{0, 1e6}, "full batch until this time since the start (paper VI) [s]");
     visit("lag_windows", self.lag_windows, Range{2, 1e6}, "windows optimised after that, the oldest pose fixed (paper VI)");
     visit("max_iterations", self.max_iterations, Range{1, 1000}, "of the solver per window");

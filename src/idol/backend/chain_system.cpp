@@ -1,6 +1,7 @@
 #include "idol/backend/chain_system.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 
 namespace idol {
 namespace {
@@ -20,20 +21,34 @@ ChainSystem::ChainSystem(std::size_t states, Eigen::Index line_columns)
       line_block(Eigen::MatrixXd::Zero(line_columns, line_columns)), state_gradient(states, Vec15::Zero()),
       line_gradient(Eigen::VectorXd::Zero(line_columns)) {}
 
+// Lines come in the order of their first sight: columns that a state or those before it touch.
+std::vector<Eigen::Index> ChainSystem::widths() const {
+  std::vector<Eigen::Index> out(lines.size());
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    Eigen::Index last = lines[i].cols();
+    const Eigen::Index before = i == 0 ? 0 : out[i - 1];
+    while (last > before && lines[i].col(last - 1).isZero(0)) --last;
+    out[i] = std::max(last, before);
+  }
+  return out;
+}
+
 ChainSystem::Step ChainSystem::solve(double damping) const {
   const std::size_t n = diagonal.size();
   const Eigen::Index m = line_gradient.size();
+  const std::vector<Eigen::Index> width = widths();
   // Forward: W_i = L_i^-1 [T(i, i+1), B_i], y_i = L_i^-1 g_i, subtracted from what follows.
   std::vector<Mat15> L(n), to_next(n);
   std::vector<Eigen::MatrixXd> to_lines(n);
   std::vector<Vec15> y(n);
   Mat15 D = diagonal[0];
-  Eigen::MatrixXd B = lines[0];
+  Eigen::MatrixXd B = lines[0].leftCols(width[0]);
   Vec15 g = state_gradient[0];
   Eigen::MatrixXd C = line_block;
   Eigen::VectorXd gl = line_gradient;
   C.diagonal() += damping * line_block.diagonal();
   for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Index w = width[i];
     D.diagonal() += damping * diagonal[i].diagonal();
     const Eigen::LLT<Mat15> factor(D);
     if (factor.info() != Eigen::Success) return {};
@@ -41,14 +56,14 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     const auto lower = L[i].triangularView<Eigen::Lower>();
     to_lines[i] = lower.solve(B);
     y[i] = lower.solve(g);
-    C.selfadjointView<Eigen::Lower>().rankUpdate(to_lines[i].transpose(), -1);
-    gl.noalias() -= to_lines[i].transpose() * y[i];
+    C.topLeftCorner(w, w).selfadjointView<Eigen::Lower>().rankUpdate(to_lines[i].transpose(), -1);
+    gl.head(w).noalias() -= to_lines[i].transpose() * y[i];
     if (i + 1 == n) break;
     to_next[i] = lower.solve(next[i]);
     D = diagonal[i + 1];
     D.noalias() -= to_next[i].transpose() * to_next[i];
-    B = lines[i + 1];
-    B.noalias() -= to_next[i].transpose() * to_lines[i];
+    B = lines[i + 1].leftCols(width[i + 1]);
+    B.leftCols(w).noalias() -= to_next[i].transpose() * to_lines[i];
     g = state_gradient[i + 1];
     g.noalias() -= to_next[i].transpose() * y[i];
   }
@@ -59,7 +74,7 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     step.lines = factor.solve(-gl);
   }
   for (std::size_t i = n; i-- > 0;) {
-    Vec15 right = -y[i] - to_lines[i] * step.lines;
+    Vec15 right = -y[i] - to_lines[i] * step.lines.head(width[i]);
     if (i + 1 < n) right -= to_next[i] * step.states[i + 1];
     step.states[i] = L[i].transpose().triangularView<Eigen::Upper>().solve(right);
   }

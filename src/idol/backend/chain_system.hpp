@@ -33,6 +33,9 @@ struct ChainSystem {
   [[nodiscard]] Step solve(double damping) const;
   /// Schur complement of the first state of a chain of two: order second state, lines. H and g.
   void eliminate_first(Eigen::MatrixXd& H, Eigen::VectorXd& g) const;
+
+ private:
+  [[nodiscard]] std::vector<Eigen::Index> widths() const;
 };
 
 /// Schur complement of the trailing `count` variables of a quadratic model. Its null directions, if any, stay out.

@@ -34,13 +34,15 @@ void FixedLag::start(const NavState& first, bool still) {
   const Mat3 R = first.T_w_i.R();
   prior_.H.block<3, 3>(3, 3) = (R.transpose() * prior_.H.block<3, 3>(3, 3) * R).eval();
   prior_.g = Eigen::VectorXd::Zero(kStateDim);
+  gauge_ = prior_;
 }
 
 void FixedLag::add(WindowMeasurement window) {
   const std::size_t index = windows_.size();
   append(window);
   const Preintegration& imu = *window.imu;
-  inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity())});
+  inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
+                       std::move(window.bin_motions)});
   for (auto& seen : window.lines) file(index, std::move(seen));
 }
 
@@ -106,39 +108,73 @@ SolveStats FixedLag::solve() {
   forget();
   make_lines();
   const std::vector<LineId> ids = active_lines();
-  const Prior prior = reduced_prior(ids);
-  SolveStats stats;
-  double damping = 1e-9;
-  ChainSystem system = linearise(ids, prior);
-  for (stats.iterations = 1; stats.iterations <= options_.max_iterations; ++stats.iterations) {
-    const auto step = system.solve(damping);
-    const auto states = states_;
-    std::vector<Vec4> before;
-    for (LineId id : ids) before.push_back(tracks_.at(id).line.coordinates);
-    if (!step.states.empty()) apply(step, ids);
-    ChainSystem moved = linearise(ids, prior);
-    if (step.states.empty() || !(moved.cost <= system.cost * (1 + 1e-9))) {
-      states_ = states;
-      for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = before[k];
-      damping = std::max(1e-6, 30 * damping);
-      if (damping > 1e3) break;
-      continue;
-    }
-    damping = std::max(1e-9, damping / 10);
-    const double gain = system.cost - moved.cost;
-    system = std::move(moved);
-    if (gain < 1e-4 * (1 + std::abs(system.cost))) break;
-  }
+  SolveStats stats = optimise(ids, reduced_prior(ids), options_.max_iterations);
   update_resting_lines(ids);
   cull();
   measure_extents();
   const SolveStats newest = newest_stats();
+  stats.rms_px = newest.rms_px;
+  stats.mean_track_s = newest.mean_track_s;
+  return stats;
+}
+
+// Levenberg-Marquardt, hardly damped: the start is a prediction away from the optimum.
+SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations) {
+  SolveStats stats;
   stats.lines = static_cast<int>(ids.size());
   for (LineId id : ids)
     for (const auto& seen : tracks_.at(id).seen) stats.residuals += 2 * static_cast<int>(seen.bins.size());
+  constexpr double kLeast = 1e-9, kMost = 1e3, kEnough = 1e-4;
+  double damping = kLeast;
+  ChainSystem system = linearise(ids, prior);
+  for (; stats.iterations < max_iterations; ++stats.iterations) {
+    const auto states = states_;
+    std::vector<Vec4> lines;
+    for (LineId id : ids) lines.push_back(tracks_.at(id).line.coordinates);
+    const auto step = system.solve(damping);
+    double gain = -1;
+    if (!step.states.empty()) {
+      apply(step, ids);
+      ChainSystem moved = linearise(ids, prior);
+      gain = system.cost - moved.cost;
+      if (gain >= 0) system = std::move(moved);
+    }
+    if (!(gain >= 0)) {  // back, and more carefully
+      states_ = states;
+      for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = lines[k];
+      damping = std::max(1e-6, 30 * damping);
+      if (damping > kMost) break;
+      continue;
+    }
+    damping = std::max(kLeast, damping / 10);
+    if (gain < kEnough * (1 + std::abs(system.cost))) break;
+  }
   stats.cost = system.cost;
-  stats.rms_px = newest.rms_px;
-  stats.mean_track_s = newest.mean_track_s;
+  return stats;
+}
+
+bool FixedLag::keeps_past() const {
+  return seconds_between(states_.front().t, states_.back().t) <= options_.last_pass_s;
+}
+
+SolveStats FixedLag::finish() {
+  if (!keeps_past()) return {};
+  for (auto& [id, track] : tracks_) {
+    track.seen.insert(track.seen.begin(), std::make_move_iterator(track.past.begin()),
+                      std::make_move_iterator(track.past.end()));
+    track.past.clear();
+  }
+  first_ = 0;
+  prior_ = gauge_;
+  SolveStats stats;
+  constexpr int kRounds = 3, kIterations = 4;
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<LineId> ids = active_lines();
+    const int before = stats.iterations;
+    stats = optimise(ids, prior_, kIterations);
+    stats.iterations += before;
+    cull();
+  }
   return stats;
 }
 
@@ -193,8 +229,7 @@ bool FixedLag::triangulate(Track& track) const {
       int rows = 0;
       for (const auto& seen : track.seen)
         for (const auto& bin : seen.bins) {
-          const BinResidual r = bin_to_line(bin.a_px, bin.b_px, line, states_[seen.window], bin.motion,
-                                            windows_[seen.window].imu->bias(), projection_);
+          const BinResidual r = residual(bin, line, seen.window);
           if (!r.valid) continue;
           const double weight = 1 / std::pow(sigma_px(bin), 2);
           H += weight * r.d_line.transpose() * r.d_line;
@@ -226,8 +261,7 @@ double FixedLag::rms_px(const Track& track, const Observation& seen) const {
   double sum = 0;
   int rows = 0;
   for (const auto& bin : seen.bins) {
-    const BinResidual r = bin_to_line(bin.a_px, bin.b_px, track.line, states_[seen.window], bin.motion,
-                                      windows_[seen.window].imu->bias(), projection_);
+    const BinResidual r = residual(bin, track.line, seen.window);
     if (!r.valid) continue;
     sum += r.value.squaredNorm();
     rows += 2;

@@ -20,6 +20,8 @@ class FixedLag : public Backend {
   void start(const NavState& first, bool still) override;
   void add(WindowMeasurement window) override;
   SolveStats solve() override;
+  /// A last pass over everything seen, if the recording is not too long for it.
+  SolveStats finish() override;
   [[nodiscard]] std::vector<Line> lines() const override;
   [[nodiscard]] std::size_t line_count() const override;
 
@@ -34,6 +36,7 @@ class FixedLag : public Backend {
     bool mapped = false, dead = false;
     AnchoredLine line;
     std::vector<Observation> seen;  // in the active windows
+    std::vector<Observation> past;  // before them, for the last pass
     std::vector<double> low, high;  // of recent observations' ends, along the line from the anchor's a [m]
     std::size_t first_window = 0, last_window = 0;
     int windows = 0;
@@ -48,7 +51,8 @@ class FixedLag : public Backend {
   };
   struct Inertial {  // of one window
     Preintegrated motion;
-    Mat9 weight;  // W^T W = inverse covariance
+    Mat9 weight;  // inverse covariance
+    std::vector<Preintegrated> bins;  // to the bin times
   };
 
   void file(std::size_t window, LineObservation&& seen);
@@ -57,6 +61,9 @@ class FixedLag : public Backend {
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
   [[nodiscard]] double typical_depth() const;
 
+  [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
+  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations);
+  [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] std::vector<LineId> active_lines() const;
   [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
   void add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const;
@@ -80,7 +87,7 @@ class FixedLag : public Backend {
   std::vector<Inertial> inertial_;
   std::map<LineId, Track> tracks_;
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
-  Prior prior_;
+  Prior prior_, gauge_;
 };
 
 }  // namespace idol

@@ -53,6 +53,11 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
   }
 }
 
+BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
+  return bin_to_line(bin.a_px, bin.b_px, line, states_[window], inertial_[window].bins[static_cast<std::size_t>(bin.slot)],
+                     windows_[window].imu->bias(), projection_);
+}
+
 // IMU, bias walk and rest between the states at `slot` and `slot + 1`.
 void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t slot) const {
   const NavState &from = states_[window], &to = states_[window + 1];
@@ -96,8 +101,7 @@ void FixedLag::add_observation(ChainSystem& system, const Track& track, const Ob
                                Eigen::Index column) const {
   const double scale = options_.bin_cauchy_sigmas * options_.bin_cauchy_sigmas;
   for (const LineBin& bin : seen.bins) {
-    const BinResidual r = bin_to_line(bin.a_px, bin.b_px, track.line, states_[seen.window], bin.motion,
-                                      windows_[seen.window].imu->bias(), projection_);
+    const BinResidual r = residual(bin, track.line, seen.window);
     if (!r.valid) continue;
     const double information = 1 / std::pow(sigma_px(bin), 2);
     const double squared = r.value.squaredNorm() * information;
@@ -209,8 +213,14 @@ void FixedLag::marginalise_oldest() {
   prior_.state = states_[first_];
   prior_.lines.clear();
   for (LineId id : ids) prior_.lines.emplace_back(id, tracks_.at(id).line.coordinates);
-  for (auto& [id, track] : tracks_)
-    std::erase_if(track.seen, [&](const Observation& o) { return o.window < first_; });
+  for (auto& [id, track] : tracks_) {
+    if (track.seen.empty() || track.seen.front().window >= first_) continue;
+    if (keeps_past())
+      track.past.push_back(std::move(track.seen.front()));
+    else
+      track.past = {};
+    track.seen.erase(track.seen.begin());
+  }
 }
 
 // Dead lines leave the prior, and the longest unseen ones beyond the number that is kept.

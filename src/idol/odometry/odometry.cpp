@@ -132,6 +132,10 @@ void Odometry::process(const EventWindow& window) {
   const SegmentedWindow segments = segmenter_.process(window);
   const double segment_s = watch.lap();
   measurement.lines = observe(window, segments, *measurement.imu);
+  if (options_.backend.method == BackendMethod::kFixedLag)
+    for (int k = 0, n = bin_count(window); k < n; ++k)
+      measurement.bin_motions.push_back(
+          measurement.imu->at(window.begin + (2 * k + 1) * (window.end - window.begin) / (2 * n)));
   for (const auto& line : measurement.lines) ++track_windows_[line.id];
   integrate_s += watch.lap();
   smoother_->add(std::move(measurement));
@@ -185,7 +189,7 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
     observation.event_count = static_cast<std::int64_t>(count);
     const std::span own_events(own, segment->events.end());
     if (options_.backend.method == BackendMethod::kFixedLag)
-      observation.bins = compress_events(window, own_events, segment->line, imu);
+      observation.bins = compress_events(window, own_events, segment->line);
     else
       observation.events = choose_events(window, own_events, imu);
     const Time middle = window.events[*(own + static_cast<std::ptrdiff_t>(count / 2))].t;
@@ -210,11 +214,15 @@ std::vector<EventMeasurement> Odometry::choose_events(const EventWindow& window,
   return out;
 }
 
+int Odometry::bin_count(const EventWindow& window) const {
+  return std::max(1, static_cast<int>(std::lround(seconds_between(window.begin, window.end) / options_.backend.bin_s)));
+}
+
 // All events in bins of equal time, each moved across the line to its bin's middle as the segment moves.
 std::vector<LineBin> Odometry::compress_events(const EventWindow& window, std::span<const std::uint32_t> events,
-                                               const MovingLine& line, const Preintegration& imu) const {
+                                               const MovingLine& line) const {
   const double duration = seconds_between(window.begin, window.end);
-  const int bins = std::max(1, static_cast<int>(std::lround(duration / options_.backend.bin_s)));
+  const int bins = bin_count(window);
   std::vector<LineBin> out;
   std::size_t next = 0;
   std::vector<Vec2> points;
@@ -230,7 +238,7 @@ std::vector<LineBin> Odometry::compress_events(const EventWindow& window, std::s
     }
     if (std::ssize(points) < options_.backend.min_bin_events) continue;
     const LineMoments moments = compress(points);
-    out.push_back({moments.a(), moments.b(), imu.at(window.begin + from_seconds(middle)), moments.count});
+    out.push_back({moments.a(), moments.b(), k, moments.count});
   }
   return out;
 }

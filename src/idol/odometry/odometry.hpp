@@ -80,7 +80,8 @@ class Odometry {
                                                             std::span<const std::uint32_t> events,
                                                             const Preintegration& imu) const;
   [[nodiscard]] std::vector<LineBin> compress_events(const EventWindow& window, std::span<const std::uint32_t> events,
-                                                     const MovingLine& line, const Preintegration& imu) const;
+                                                     const MovingLine& line) const;
+  [[nodiscard]] int bin_count(const EventWindow& window) const;
 
   Rig rig_;
   Options options_;
