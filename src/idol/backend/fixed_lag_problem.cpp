@@ -194,8 +194,9 @@ void FixedLag::marginalise_oldest() {
   std::vector<LineId> ids;
   for (const auto& [id, at] : prior_.lines) ids.push_back(id);
   for (auto& [id, track] : tracks_)
-    if (track.mapped && !track.dead && !track.seen.empty() && track.seen.front().window == first_ &&
-        !track.seen.front().rejected)
+    if (track.mapped && !track.dead && std::any_of(track.seen.begin(), track.seen.end(), [&](const Observation& o) {
+          return o.window == first_ && !o.rejected;
+        }))
       ids.push_back(id);
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
@@ -205,8 +206,8 @@ void FixedLag::marginalise_oldest() {
   add_window(system, first_, 0);
   for (LineId id : ids) {
     const Track& track = tracks_.at(id);
-    if (!track.seen.empty() && track.seen.front().window == first_ && !track.seen.front().rejected)
-      add_observation(system, track, track.seen.front(), 0, column_of(ids, id));
+    for (const auto& seen : track.seen)
+      if (seen.window == first_ && !seen.rejected) add_observation(system, track, seen, 0, column_of(ids, id));
   }
   system.eliminate_first(prior_.H, prior_.g);
   ++first_;
@@ -214,12 +215,14 @@ void FixedLag::marginalise_oldest() {
   prior_.lines.clear();
   for (LineId id : ids) prior_.lines.emplace_back(id, tracks_.at(id).line.coordinates);
   for (auto& [id, track] : tracks_) {
-    if (track.seen.empty() || track.seen.front().window >= first_) continue;
+    // In the order of windows; pieces of a line give it several observations in one.
+    const auto active = std::find_if(track.seen.begin(), track.seen.end(),
+                                     [&](const Observation& o) { return o.window >= first_; });
     if (keeps_past())
-      track.past.push_back(std::move(track.seen.front()));
+      std::move(track.seen.begin(), active, std::back_inserter(track.past));
     else
       track.past = {};
-    track.seen.erase(track.seen.begin());
+    track.seen.erase(track.seen.begin(), active);
   }
 }
 
