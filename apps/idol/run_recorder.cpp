@@ -156,6 +156,7 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
   stats["residuals"] = peak_residuals;
   stats["solver_iterations"] = iterations;
+  stats["restarts"] = rows_.empty() ? 0 : rows_.back().stats.restarts;
   stats["warnings"] = nlohmann::ordered_json::object();
   for (const auto& [kind, entry] : summary.diagnostics.entries())
     stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};

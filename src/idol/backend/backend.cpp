@@ -3,6 +3,21 @@
 #include <algorithm>
 
 namespace idol {
+namespace {
+
+// Cubic Hermite curve in position, the shortest way in rotation.
+NavState between(const NavState& a, const NavState& b, Time t) {
+  const double dt = seconds_between(a.t, b.t), u = dt > 0 ? seconds_between(a.t, t) / dt : 0;
+  NavState out = a;
+  out.T_w_i.q = a.T_w_i.q.slerp(u, b.T_w_i.q);
+  const Vec3 chord = b.T_w_i.p - a.T_w_i.p, va = a.v_w * dt, vb = b.v_w * dt;
+  const Vec3 c2 = 3 * chord - 2 * va - vb, c3 = va + vb - 2 * chord;
+  out.T_w_i.p = a.T_w_i.p + u * (va + u * (c2 + u * c3));
+  out.v_w = (va + u * (2 * c2 + 3 * u * c3)) / std::max(dt, 1e-9);
+  return out;
+}
+
+}  // namespace
 
 void Backend::append(const WindowMeasurement& window) {
   const Preintegration& imu = *window.imu;
@@ -16,7 +31,9 @@ NavState Backend::state_at(Time t) const {
                                       [](Time value, const NavState& state) { return value < state.t; });
   const auto index = std::clamp<std::ptrdiff_t>(after - states_.begin() - 1, 0, std::ssize(windows_) - 1);
   const auto i = static_cast<std::size_t>(index);
-  NavState state = predict(states_[i], windows_[i].imu->at(t), windows_[i].imu->bias(), projection_.gravity);
+  const Preintegration* imu = windows_[i].imu.get();
+  NavState state = imu == nullptr ? between(states_[i], states_[i + 1], t)
+                                  : predict(states_[i], imu->at(t), imu->bias(), projection_.gravity);
   state.t = t;
   return state;
 }

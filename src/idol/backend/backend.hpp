@@ -37,6 +37,7 @@ struct SolveStats {
   int lines = 0;      ///< in the problem
   int residuals = 0;  ///< scalar rows in the problem
   int iterations = 0;
+  int restarts = 0;      ///< times so far that the estimator was lost and began anew
   double cost = 0;
   double rms_px = 0;        ///< of the newest window's events to their lines
   double mean_track_s = 0;  ///< of the lines seen in the newest window
@@ -70,7 +71,7 @@ class Backend {
 
  protected:
   struct Window {
-    std::shared_ptr<const Preintegration> imu;
+    std::shared_ptr<const Preintegration> imu;  // null once only the two states are kept
     bool still = false;
   };
 

@@ -23,9 +23,14 @@ FixedLag::FixedLag(const Rig& rig, const BackendOptions& options)
 // Position and yaw are the gauge: known. Tilt is loose, since at rest the IMU factors tie it to the
 // accelerometer's bias.
 void FixedLag::start(const NavState& first, bool still) {
-  constexpr double kGauge = 1e-4, kTilt = 0.1;
   states_ = {first};
-  prior_.state = first;
+  set_prior(first, still);
+  gauge_ = prior_;
+}
+
+void FixedLag::set_prior(const NavState& first, bool still) {
+  constexpr double kGauge = 1e-4, kTilt = 0.1;
+  prior_ = {first, {}, {}, {}};
   Vec15 sigma;
   sigma << Vec3::Constant(kGauge), kTilt, kTilt, kGauge,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
@@ -36,7 +41,6 @@ void FixedLag::start(const NavState& first, bool still) {
   const Mat3 R = first.T_w_i.R();
   prior_.H.block<3, 3>(3, 3) = (R.transpose() * prior_.H.block<3, 3>(3, 3) * R).eval();
   prior_.g = Eigen::VectorXd::Zero(kStateDim);
-  gauge_ = prior_;
 }
 
 void FixedLag::add(WindowMeasurement window) {
@@ -46,6 +50,11 @@ void FixedLag::add(WindowMeasurement window) {
   inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
                        std::move(window.bin_motions)});
   for (auto& seen : window.lines) file(index, std::move(seen));
+  const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {
+    return entry.second.mapped && !entry.second.dead && entry.second.last_window == index && entry.second.windows > 0;
+  });
+  // Before the first lines the IMU is alone anyway.
+  blind_s_ = known || windows_.back().still || line_count() == 0 ? 0 : blind_s_ + seconds_between(imu.begin(), imu.end());
 }
 
 // Under its own id, or that of the known line it lies on.
@@ -114,10 +123,41 @@ SolveStats FixedLag::solve() {
   update_resting_lines(ids);
   cull();
   measure_extents();
+  if (lost()) restart();
   const SolveStats newest = newest_stats();
+  stats.restarts = restarts_;
   stats.rms_px = newest.rms_px;
   stats.mean_track_s = newest.mean_track_s;
   return stats;
+}
+
+// Long without a known line while moving, or a state that no camera in a hand can have.
+bool FixedLag::lost() const {
+  constexpr double kBlind = 2.0, kFastest = 30, kBias = 3;
+  const NavState& now = states_.back();
+  return blind_s_ > kBlind || !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest) ||
+         !(now.bias.accel.norm() < kBias);
+}
+
+// Goes on from the last believable pose with a new map and an unknown velocity.
+void FixedLag::restart() {
+  constexpr double kGyroBias = 0.05;
+  ++restarts_;
+  blind_s_ = 0;
+  NavState now = states_.back();
+  const NavState& believable = states_[first_];
+  if (!now.T_w_i.p.allFinite() || !(now.v_w.norm() < 30)) {
+    now.T_w_i = believable.T_w_i;
+    now.v_w = believable.v_w.norm() < 3 ? believable.v_w : Vec3::Zero();
+  }
+  if (!(now.bias.accel.norm() < 1)) now.bias.accel.setZero();
+  if (!(now.bias.gyro.norm() < kGyroBias)) now.bias.gyro = gauge_.state.bias.gyro;
+  states_.back() = now;
+  first_ = states_.size() - 1;
+  tracks_.clear();
+  alias_.clear();
+  set_prior(now, false);
+  drop_past();
 }
 
 // Levenberg-Marquardt, hardly damped: the start is a prediction away from the optimum.
@@ -156,7 +196,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
 }
 
 bool FixedLag::keeps_past() const {
-  return seconds_between(states_.front().t, states_.back().t) <= options_.last_pass_s;
+  return restarts_ == 0 && seconds_between(states_.front().t, states_.back().t) <= options_.last_pass_s;
 }
 
 SolveStats FixedLag::finish() {

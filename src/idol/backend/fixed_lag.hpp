@@ -75,6 +75,10 @@ class FixedLag : public Backend {
   void update_resting_lines(const std::vector<LineId>& ids);
   void apply(const ChainSystem::Step& step, const std::vector<LineId>& ids);
   void marginalise_oldest();
+  void drop_past();
+  [[nodiscard]] bool lost() const;
+  void restart();
+  void set_prior(const NavState& first, bool still);
   void forget();
   void cull();
   void measure_extents();
@@ -89,6 +93,9 @@ class FixedLag : public Backend {
   std::map<LineId, Track> tracks_;
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
   Prior prior_, gauge_;
+  std::size_t dropped_ = 0;    // windows of which only the states are left
+  double blind_s_ = 0;         // how long no known line has been seen, in motion
+  int restarts_ = 0;
 };
 
 }  // namespace idol

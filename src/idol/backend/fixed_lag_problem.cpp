@@ -222,11 +222,18 @@ void FixedLag::marginalise_oldest() {
     // In the order of windows; pieces of a line give it several observations in one.
     const auto active = std::find_if(track.seen.begin(), track.seen.end(),
                                      [&](const Observation& o) { return o.window >= first_; });
-    if (keeps_past())
-      std::move(track.seen.begin(), active, std::back_inserter(track.past));
-    else
-      track.past = {};
+    std::move(track.seen.begin(), active, std::back_inserter(track.past));
     track.seen.erase(track.seen.begin(), active);
+  }
+  if (!keeps_past()) drop_past();
+}
+
+// Only the states stay: memory does not grow with what was seen.
+void FixedLag::drop_past() {
+  for (auto& [id, track] : tracks_) track.past = {};
+  for (; dropped_ < first_; ++dropped_) {
+    windows_[dropped_].imu.reset();
+    inertial_[dropped_].bins = {};
   }
 }
 

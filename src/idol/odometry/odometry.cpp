@@ -118,8 +118,7 @@ bool Odometry::start(const EventWindow& window, bool last) {
   first.bias = init.bias;
   smoother_->start(first, init.still);
   started_ = true;
-  init_until_ = until;
-  resting_ = init.still;
+  rest_.begin(init.still, until);
   if (!init.still)
     diagnostics_.warn("moving_start",
                       fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
@@ -141,7 +140,7 @@ void Odometry::process(const EventWindow& window) {
                                   "noise is inflated, accuracy suffers there",
                                   static_cast<double>(window.begin) / kNsPerS),
                       saturated);
-  measurement.still = at_rest(window);
+  measurement.still = rest_.update(window, imu_.slice(window.begin, window.end, 0), from.bias, options_.backend.gravity);
   double integrate_s = watch.lap();
   const SegmentedWindow segments = segmenter_.process(window);
   const double segment_s = watch.lap();
@@ -158,23 +157,6 @@ void Odometry::process(const EventWindow& window) {
   if (listener_)
     listener_(
         {smoother_->latest(), window, segments, *smoother_, stats, segment_s, integrate_s, watch.lap()});
-}
-
-// A still start lasts until the camera sees clearly more than it did during the first attitude's span: at
-// rest only noise and tremor make events, and motion multiplies them long before the IMU tells it from its
-// own noise.
-bool Odometry::at_rest(const EventWindow& window) {
-  constexpr double kMoreThanRest = 1.35;
-  if (!resting_) return false;
-  const double rate =
-      static_cast<double>(window.events.size() - window.overlap) / seconds_between(window.begin, window.end);
-  if (window.end <= init_until_) {
-    ++rest_windows_;
-    rest_rate_ += (rate - rest_rate_) / rest_windows_;
-  } else if (rest_windows_ == 0 || rate > kMoreThanRest * rest_rate_) {
-    resting_ = false;
-  }
-  return resting_;
 }
 
 // The longest tracks first, then the longest segments; of each, events spread evenly over its time.

@@ -19,6 +19,7 @@
 #include "idol/frontend/windower.hpp"
 #include "idol/imu/imu_buffer.hpp"
 #include "idol/imu/imu_init.hpp"
+#include "idol/odometry/rest_detector.hpp"
 
 namespace idol {
 
@@ -74,7 +75,6 @@ class Odometry {
   void process_ready(bool last);
   bool start(const EventWindow& window, bool last);
   void process(const EventWindow& window);
-  bool at_rest(const EventWindow& window);
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
                                                      const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;
@@ -95,10 +95,7 @@ class Odometry {
   std::unique_ptr<Backend> smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;
-  Time init_until_ = 0;   // the span whose IMU data gave the first attitude
-  bool resting_ = false;  // still at rest since the start
-  double rest_rate_ = 0;  // events per second while the start was still, mean over rest_windows_
-  int rest_windows_ = 0;
+  RestDetector rest_;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;
   Diagnostics diagnostics_;
