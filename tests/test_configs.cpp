@@ -55,5 +55,19 @@ TEST(Configs, EveryPresetCanBePrintedAndReadBack) {
   }
 }
 
+// What the README promises is what is there.
+TEST(Configs, ReadmeShowsTheExampleAndEveryPackage) {
+  const fs::path root = fs::path(IDOL_CONFIG_DIR).parent_path();
+  const std::string readme = read_text(root / "README.md");
+  const std::string example = read_text(root / "examples/minimal.cpp");
+  ASSERT_FALSE(example.empty());
+  EXPECT_NE(readme.find(example), std::string::npos) << "README.md shows another examples/minimal.cpp";
+  std::ifstream packages(root / "scripts/packages.txt");
+  int count = 0;
+  for (std::string name; std::getline(packages, name); ++count)
+    EXPECT_NE(readme.find(name), std::string::npos) << name << " is not in README.md";
+  EXPECT_GT(count, 10);
+}
+
 }  // namespace
 }  // namespace idol::test
