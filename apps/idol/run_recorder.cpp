@@ -48,8 +48,9 @@ void RunRecorder::add(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
-  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end), e.window.events.size() - e.window.overlap,
-                   e.segments.segments.size(), e.stats, e.segment_s, e.integrate_s, e.solve_s});
+  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end),
+                   e.window.events.size() - e.window.overlap, e.segments.segments.size(), e.stats,
+                   e.segment_s, e.integrate_s, e.solve_s});
   if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
 }
 
@@ -81,13 +82,11 @@ void RunRecorder::take_snapshot(const Estimate& e) {
   snapshots_.push_back(std::move(shot));
 }
 
-void RunRecorder::write(const Odometry& odometry, const Summary& summary) const {
-  if (odometry.started()) {
-    write_trajectories(odometry);
-    write_windows();
-    write_pictures();
-  }
-  write_stats(odometry, summary);
+void RunRecorder::write_results(const Odometry& odometry) const {
+  if (!odometry.started()) return;
+  write_trajectories(odometry);
+  write_windows();
+  write_pictures();
 }
 
 void RunRecorder::write_trajectories(const Odometry& odometry) const {
@@ -109,22 +108,26 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
 }
 
 void RunRecorder::write_windows() const {
-  std::string text = "t,duration_s,events,segments,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
+  std::string text =
+      "t,duration_s,events,segments,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
   for (const auto& r : rows_)
-    text += fmt::format("{},{:.6f},{},{},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t), r.duration_s,
-                        r.events, r.segments, r.stats.lines, r.stats.residuals, r.stats.iterations, r.stats.cost,
-                        r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
+    text += fmt::format("{},{:.6f},{},{},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t),
+                        r.duration_s, r.events, r.segments, r.stats.lines, r.stats.residuals,
+                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
   write_text_file(dir_ / "windows.csv", text);
 }
 
 void RunRecorder::write_pictures() const {
   const auto folder = dir_ / "pictures";
-  std::filesystem::remove_all(folder);
-  std::filesystem::create_directories(folder);
+  std::error_code error;
+  std::filesystem::remove_all(folder, error);
+  std::filesystem::create_directories(folder, error);
+  if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
   for (const auto& shot : snapshots_) {
     const double t = seconds_between(snapshots_.front().t, shot.t);
-    write_png(folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
-              draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines, kPictureScale));
+    write_png(
+        folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
+        draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines, kPictureScale));
   }
 }
 
@@ -150,7 +153,9 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
   stats["wall_s"] = wall;
   stats["realtime_factor"] = wall > 0 ? total.duration_s / wall : 0;
   stats["peak_rss_mb"] = peak_rss_mb();
-  stats["stages"] = {{"read", summary.read_s}, {"segment", total.segment_s}, {"integrate", total.integrate_s},
+  stats["stages"] = {{"read", summary.read_s},
+                     {"segment", total.segment_s},
+                     {"integrate", total.integrate_s},
                      {"solve", total.solve_s}};
   stats["windows"] = rows_.size();
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
