@@ -114,7 +114,7 @@ TEST(RecordingSummary, CountsGapsAndScatter) {
   EXPECT_EQ(summary.imu.longest_pause_at, 299'000'000);
   EXPECT_NEAR(summary.accel.scatter(), 0.5, 1e-3);
   EXPECT_NEAR(summary.gyro.scatter(), 0, 1e-12);
-  EXPECT_TRUE(summary.hot_pixels().empty());
+  EXPECT_TRUE(summary.events.hot_pixels().empty());
   EXPECT_EQ(RecordingSummary(0, 0).imu_period_s(), std::nullopt);
 }
 

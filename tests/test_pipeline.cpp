@@ -125,6 +125,36 @@ TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {
   EXPECT_LT(errors.rotation_deg, 4.0);
 }
 
+// The same with and without being told early, and nothing kept waiting.
+TEST(Pipeline, ImuThatEndsBeforeTheEvents) {
+  const Rig rig = davis_rig();
+  auto data = record(rig, 1.5);
+  std::erase_if(data.imu, [](const ImuSample& s) { return s.t > from_seconds(1); });
+  std::vector<std::vector<NavState>> results;
+  for (const bool told : {false, true}) {
+    Odometry odometry(rig, Options{});
+    for (const auto& s : data.imu) odometry.push(s);
+    if (told) odometry.end_imu();
+    odometry.push(data.events);
+    if (told) {
+      EXPECT_EQ(odometry.diagnostics().entries().count("imu_ends_early"), 1U);
+    }
+    odometry.finish();
+    EXPECT_EQ(odometry.diagnostics().entries().count("imu_ends_early"), 1U);
+    results.push_back(odometry.smoother().states());
+  }
+  ASSERT_EQ(results[0].size(), results[1].size());
+  EXPECT_NEAR(seconds_between(0, results[0].back().t), 1, 0.01);
+  for (std::size_t k = 0; k < results[0].size(); ++k) EXPECT_EQ(results[0][k].T_w_i.p, results[1][k].T_w_i.p);
+
+  Odometry without(rig, Options{});
+  without.end_imu();
+  without.push(data.events);
+  without.finish();
+  EXPECT_FALSE(without.started());
+  EXPECT_EQ(without.diagnostics().entries().count("no_imu"), 1U);
+}
+
 TEST(Pipeline, NoEventsGiveNoEstimateAndNoCrash) {
   const Rig rig = davis_rig();
   Odometry odometry(rig, Options{});

@@ -168,6 +168,52 @@ TEST(TextReader, SpansCountFromTheFirstStampOfAllStreams) {
   EXPECT_THROW(open_reader(dir.path(), options), UsageError);
 }
 
+TEST(TextReader, ImuFarFromTheEventsIsLeftOutOnDemand) {
+  const TempDir dir;
+  dir.write("events.txt", some_events(1000, 20.0));
+  dir.write("imu.txt", some_imu(60000));
+  ReaderOptions options;
+  options.imu_near_events = true;
+  for (const std::size_t packet : {10, 16384}) {
+    options.packet_events = packet;
+    const auto r = read_all(dir.path(), options);
+    EXPECT_EQ(r.error, "");
+    EXPECT_EQ(r.first, 0);
+    ASSERT_EQ(r.imu.size(), 300u);
+    EXPECT_EQ(r.imu.front().t, 19'900'000'000);
+    EXPECT_EQ(r.imu.back().t, 20'199'000'000);
+  }
+  // With the clocks apart, the samples beside the events are others.
+  options.imu_offset_s = 5;
+  const auto shifted = read_all(dir.path(), options);
+  EXPECT_EQ(shifted.error, "");
+  ASSERT_EQ(shifted.imu.size(), 300u);
+  EXPECT_EQ(shifted.imu.front().t, 24'900'000'000);
+  options.imu_offset_s = 100;
+  expect_says(read_all(dir.path(), options).error, {"imu.txt ends before that, at 59.999", "overlap"});
+}
+
+TEST(TextReader, TellsWhenNoMoreImuComes) {
+  const TempDir dir;
+  dir.write("events.txt", some_events(3000));
+  dir.write("imu.txt", some_imu(100));
+  ReaderOptions options;
+  options.packet_events = 100;
+  const auto reader = open_reader(dir.path(), options);
+  int before = 0, after = 0;
+  while (const auto packet = reader->next()) ++(reader->imu_over() ? after : before);
+  EXPECT_NEAR(before, 9, 2);
+  EXPECT_EQ(before + after, 30);
+}
+
+TEST(TextReader, AClockThatJumpsAheadEndsTheRecording) {
+  const TempDir dir;
+  const auto r = read_all(dir.write("events.txt", some_events(1000) + some_events(1000, 1.5e9)), events_only());
+  expect_says(r.error, {"events.txt:1002", "jump ahead", "0.099900", "1500000000"});
+  EXPECT_EQ(r.events.size(), 1000u);
+  EXPECT_EQ(read_all(dir.write("events.txt", some_events(1000) + some_events(1000, 500)), events_only()).error, "");
+}
+
 TEST(TextReader, IsolatedOddRowsAreSkippedAndCounted) {
   const TempDir dir;
   std::string text = some_events(5000);

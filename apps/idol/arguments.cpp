@@ -14,14 +14,18 @@ volatile std::sig_atomic_t interrupt_count = 0;
 
 void on_interrupt(int) {
   interrupt_count = interrupt_count + 1;
-  // A second Ctrl-C ends the program at once.
+  // The second one ends the program at once.
   std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
 }
 
 }  // namespace
 
 void OptionArguments::declare(CLI::App& command) {
-  command.add_option("--preset", preset, "set of options to start from: realtime, or paper (the method as published)")->capture_default_str();
+  command
+      .add_option("--preset", preset,
+                  "set of options to start from: realtime, or paper (the method as published)")
+      ->capture_default_str();
   command.add_option("--config", config, "YAML file of options ('idol config' prints one)");
   command.add_option("--set", set, "one option, group.name=value; may be repeated")
       ->allow_extra_args(false)
@@ -43,12 +47,17 @@ Options OptionArguments::resolve() const {
 }
 
 void SpanArguments::declare(CLI::App& command) {
-  command.add_option("--from", from_s, "start, seconds from the recording's first stamp")->check(CLI::NonNegativeNumber);
-  command.add_option("--to", to_s, "end, seconds from the recording's first stamp")->check(CLI::NonNegativeNumber);
+  command.add_option("--from", from_s, "start, seconds from the recording's first stamp")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--to", to_s, "end, seconds from the recording's first stamp")
+      ->check(CLI::NonNegativeNumber);
 }
 
 bool interrupted() { return interrupt_count > 0; }
-void install_interrupt_handler() { std::signal(SIGINT, on_interrupt); }
+void install_interrupt_handler() {
+  std::signal(SIGINT, on_interrupt);
+  std::signal(SIGTERM, on_interrupt);
+}
 
 void print_warnings(const Diagnostics& diagnostics) {
   for (const auto& [kind, entry] : diagnostics.entries())

@@ -28,7 +28,7 @@ struct SpanArguments {
   void declare(CLI::App& command);
 };
 
-/// True once Ctrl-C was pressed, after install_interrupt_handler().
+/// True once Ctrl-C was pressed or the program was told to terminate, after install_interrupt_handler().
 bool interrupted();
 void install_interrupt_handler();
 constexpr int kExitInterrupted = 130;

@@ -75,19 +75,20 @@ double peak_rate(const RateHistogram& rate) {
 void print_events(const RecordingSummary& s, Time origin) {
   fmt::print(
       "events      {} in {:.3f} s, from {:.3f} s on; mean {:.1f} kev/s, peak {:.1f} kev/s, {:.0f} % ON\n",
-      s.events.count, s.events.duration_s(), seconds_between(origin, s.events.first),
-      1e-3 * s.events.rate_hz(), 1e-3 * peak_rate(s.rate),
-      100.0 * static_cast<double>(s.on_events) / static_cast<double>(s.events.count));
+      s.events.extent().count, s.events.extent().duration_s(),
+      seconds_between(origin, s.events.extent().first), 1e-3 * s.events.extent().rate_hz(),
+      1e-3 * peak_rate(s.rate),
+      100.0 * static_cast<double>(s.events.on_events()) / static_cast<double>(s.events.extent().count));
   fmt::print("rate        |{}|\n", sparkline(s.rate));
   fmt::print("silence     longest {:.3f} s, at {:.3f} s\n",
-             static_cast<double>(s.events.longest_pause) / kNsPerS,
-             seconds_between(origin, s.events.longest_pause_at));
+             static_cast<double>(s.events.extent().longest_pause) / kNsPerS,
+             seconds_between(origin, s.events.extent().longest_pause_at));
 }
 
 void print_pixels(const RecordingSummary& s, const Calibration& calibration,
                   const std::vector<std::pair<int, int>>& hot) {
   const auto& camera = calibration.camera;
-  fmt::print("pixels      up to ({}, {}) seen; calibration: {}\n", s.largest_x, s.largest_y,
+  fmt::print("pixels      up to ({}, {}) seen; calibration: {}\n", s.events.largest_x(), s.events.largest_y(),
              !camera              ? "none"
              : camera->width == 0 ? "resolution not known"
                                   : fmt::format("{} x {}", camera->width, camera->height));
@@ -110,8 +111,8 @@ void print_imu(const RecordingSummary& s, Time origin) {
   fmt::print("imu motion  mean |a| {:.3f} m/s^2; scatter of a {:.3f} m/s^2, of the rates {:.3f} rad/s\n",
              s.accel_norm_sum / static_cast<double>(s.imu.count), s.accel.scatter(), s.gyro.scatter());
   fmt::print("overlap     {:.3f} s of events and IMU\n",
-             std::max(0.0, seconds_between(std::max(s.events.first, s.imu.first),
-                                           std::min(s.events.last, s.imu.last))));
+             std::max(0.0, seconds_between(std::max(s.events.extent().first, s.imu.first),
+                                           std::min(s.events.extent().last, s.imu.last))));
 }
 
 void print_groundtruth(const std::filesystem::path& sequence, Diagnostics& diagnostics) {
@@ -144,10 +145,10 @@ std::vector<std::string> judge_imu(const RecordingSummary& s, const Calibration&
         fmt::format("IMU has {} gaps, the longest of {:.3f} s: the estimate drifts or restarts there", gaps,
                     static_cast<double>(s.imu.longest_pause) / kNsPerS));
   constexpr double kTolerance = 0.1;  // [s]
-  if (const double late = seconds_between(s.events.first, s.imu.first); late > kTolerance)
+  if (const double late = seconds_between(s.events.extent().first, s.imu.first); late > kTolerance)
     warnings.push_back(
         fmt::format("IMU begins {:.3f} s after the events: those before it are of no use", late));
-  if (const double early = seconds_between(s.imu.last, s.events.last); early > kTolerance)
+  if (const double early = seconds_between(s.imu.last, s.events.extent().last); early > kTolerance)
     warnings.push_back(
         fmt::format("IMU ends {:.3f} s before the events: those after it are of no use", early));
   const double gravity = s.accel_norm_sum / static_cast<double>(s.imu.count);
@@ -164,25 +165,22 @@ std::vector<std::string> judge_imu(const RecordingSummary& s, const Calibration&
 
 std::vector<std::string> judge_events(const RecordingSummary& s, const Calibration& calibration) {
   std::vector<std::string> warnings;
-  if (s.events.longest_pause > 1'000'000'000)
+  if (s.events.extent().long_pauses > 0)
     warnings.push_back(fmt::format("no event for {:.3f} s: camera still, or a part is missing",
-                                   static_cast<double>(s.events.longest_pause) / kNsPerS));
+                                   static_cast<double>(s.events.extent().longest_pause) / kNsPerS));
   const auto& camera = calibration.camera;
   if (!calibration.rig) warnings.push_back(fmt::format("no whole rig: {}", calibration.missing));
   if (!camera || camera->width == 0) return warnings;
-  if (s.outside > 0) {
-    warnings.push_back(
-        fmt::format("{} events ({:.3f} %) lie outside the {} x {} of the calibration{}", s.outside,
-                    100.0 * static_cast<double>(s.outside) / static_cast<double>(s.events.count),
-                    camera->width, camera->height,
-                    s.outside * 1000 > s.events.count ? ": wrong resolution or rig, a run will refuse" : ""));
+  if (s.events.outside() > 0) {
+    warnings.push_back(fmt::format(
+        "{} events ({:.3f} %) lie outside the {} x {} of the calibration{}", s.events.outside(),
+        100.0 * static_cast<double>(s.events.outside()) / static_cast<double>(s.events.extent().count),
+        camera->width, camera->height,
+        s.events.outside() * 1000 > s.events.extent().count ? ": wrong resolution or rig, a run will refuse"
+                                                            : ""));
   }
-  constexpr std::int64_t kEnoughEvents = 100000;
-  if (s.events.count > kEnoughEvents &&
-      (4 * (s.largest_x + 1) < 3 * camera->width || 4 * (s.largest_y + 1) < 3 * camera->height))
-    warnings.push_back(
-        fmt::format("events fill only {} x {} of the calibration's {} x {}: another sensor, or a cut-out",
-                    s.largest_x + 1, s.largest_y + 1, camera->width, camera->height));
+  if (sensor_fit(s.events, *camera) != SensorFit::kGood)
+    warnings.push_back(describe_fit(s.events, *camera) + ": another sensor, or a cut-out");
   return warnings;
 }
 
@@ -204,8 +202,8 @@ int info(const InfoArguments& arguments) {
   diagnostics.merge(reader->diagnostics());
   const Time origin = reader->first_stamp();
   fmt::print("recording   {}, first stamp {} s\n", arguments.sequence.string(), format_stamp(origin));
-  if (summary.events.count > 0) {
-    const auto hot = summary.hot_pixels();
+  if (summary.events.extent().count > 0) {
+    const auto hot = summary.events.hot_pixels();
     print_events(summary, origin);
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);

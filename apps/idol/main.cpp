@@ -1,6 +1,7 @@
+#include <fmt/format.h>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <fmt/format.h>
 
 #include "commands.hpp"
 #include "idol/base/diagnostics.hpp"
@@ -10,6 +11,11 @@ int main(int argc, char** argv) {
   CLI::App app{"idol: event-camera and IMU odometry with lines", "idol"};
   app.set_version_flag("--version", "idol " IDOL_VERSION);
   app.require_subcommand(1);
+  app.failure_message([](const CLI::App*, const CLI::Error& e) {
+    std::string reason = e.what();
+    std::replace(reason.begin(), reason.end(), '\n', ' ');
+    return fmt::format("idol: {}; 'idol --help' and 'idol COMMAND --help' tell the usage\n", reason);
+  });
   idol::cli::Action action;
   idol::cli::add_run(app, action);
   idol::cli::add_segment(app, action);

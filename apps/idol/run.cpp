@@ -1,23 +1,29 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
+#include <span>
+#include <utility>
 
 #include "arguments.hpp"
 #include "commands.hpp"
+#include "idol/io/event_monitor.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/text_writer.hpp"
-#include "idol/io/trajectory_io.hpp"
 #include "idol/report/report.hpp"
 #include "run_recorder.hpp"
+#include "run_truth.hpp"
 
 namespace idol::cli {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
 
 struct RunArguments {
   std::filesystem::path sequence, out, rig, imu_rig;
@@ -26,10 +32,17 @@ struct RunArguments {
   SpanArguments span;
 };
 
+// Creates the folder, or clears it of an earlier run, whose results must not pass for those of this one.
 void prepare_output(const std::filesystem::path& dir, Options options, const Rig& rig) {
   std::error_code error;
   std::filesystem::create_directories(dir, error);
-  if (error) throw DataError(fmt::format("{}: cannot be created: {}", dir.string(), error.message()));
+  if (error)
+    throw DataError(
+        fmt::format("{}: cannot be created: {}; give another --out", dir.string(), error.message()));
+  for (const char* name : {"trajectory_camera.txt", "trajectory_imu.txt", "trajectory_camera_causal.txt",
+                           "trajectory_imu_causal.txt", "states.csv", "lines.csv", "lines.ply", "windows.csv",
+                           "stats.json", "groundtruth_camera.txt", "evaluation.json", "report.html"})
+    std::filesystem::remove(dir / name, error);
   std::vector<OptionField> fields;
   list_fields(options, fields);
   write_text_file(dir / "config.yaml", dump_options(fields));
@@ -43,8 +56,8 @@ class ProgressBar {
     if (!terminal_ || seconds_since(last_) < 0.2) return;
     last_ = Clock::now();
     const double wall = seconds_since(begin_);
-    fmt::print(stderr, "\r{:5.1f} %  {:6.2f} s done  {:6.0f} kev/s  real-time factor {:5.2f}  {:4} lines ", 100 * share,
-               data_s, 1e-3 * static_cast<double>(events) / wall, data_s / wall, lines);
+    fmt::print(stderr, "\r{:5.1f} %  {:6.2f} s done  {:6.0f} kev/s  real-time factor {:5.2f}  {:4} lines ",
+               100 * share, data_s, 1e-3 * static_cast<double>(events) / wall, data_s / wall, lines);
     std::fflush(stderr);
   }
   ~ProgressBar() {
@@ -61,79 +74,124 @@ struct Outcome {
   std::string message;  // of a failure
 };
 
-// Feeds the recording through the odometry. Damage ends the reading, not the run: what came before it is finished.
-Outcome feed(Reader& reader, Odometry& odometry, RunRecorder& recorder, RunRecorder::Summary& summary) {
+// What one run works on.
+struct Run {
+  const RunArguments& arguments;
+  const Rig& rig;
+  Reader& reader;
+  Odometry odometry;
+  RunRecorder recorder;
+  EventMonitor monitor;
+  RunRecorder::Summary summary;
+};
+
+// In small pieces, which change no result, so that Ctrl-C is heard soon.
+void push(Run& run, const Packet& packet, ProgressBar& bar) {
+  constexpr std::size_t kPiece = 1000;
+  for (const auto& sample : packet.imu) run.odometry.push(sample);
+  if (run.reader.imu_over()) run.odometry.end_imu();
+  for (std::size_t i = 0; i < packet.events.size() && !interrupted(); i += kPiece) {
+    const std::span piece(packet.events.data() + i, std::min(kPiece, packet.events.size() - i));
+    run.odometry.push(piece);
+    run.monitor.add(piece);
+    run.summary.events += std::ssize(piece);
+    bar.update(run.reader.progress(), run.recorder.data_s(), run.summary.events, run.recorder.lines());
+  }
+}
+
+// Feeds the recording through the odometry. Damage ends the reading, not the run: what came before it is
+// finished.
+Outcome feed(Run& run) {
+  constexpr std::int64_t kEnoughToJudge = 500000;  // events after which a wrong sensor would show
+  const auto check_sensor = [&] {
+    check_sensor_fit(run.summary.sequence, run.monitor, run.rig.camera, run.summary.diagnostics);
+  };
   Outcome outcome;
   ProgressBar bar;
+  bool judged = false;
   try {
     while (!interrupted()) {
       const auto begin = Clock::now();
-      const auto packet = reader.next();
-      summary.read_s += seconds_since(begin);
+      const auto packet = run.reader.next();
+      run.summary.read_s += seconds_since(begin);
       if (!packet) break;
-      for (const auto& sample : packet->imu) odometry.push(sample);
-      odometry.push(packet->events);
-      summary.events += std::ssize(packet->events);
-      const double data_s = odometry.started() ? seconds_between(odometry.smoother().states().front().t,
-                                                                 odometry.smoother().latest().t) : 0;
-      bar.update(reader.progress(), data_s, summary.events, recorder.lines());
+      push(run, *packet, bar);
+      if (!judged && run.summary.events >= kEnoughToJudge) {
+        judged = true;
+        check_sensor();
+      }
     }
+    if (!judged) check_sensor();
   } catch (const DataError& e) {
     outcome = {1, e.what()};
   }
-  if (interrupted()) return {kExitInterrupted, "interrupted: results so far are written"};
   try {
-    odometry.finish();
+    if (!interrupted()) run.odometry.finish();
   } catch (const DataError& e) {
     if (outcome.exit == 0) outcome = {1, e.what()};
+  }
+  if (interrupted()) return {kExitInterrupted, "interrupted: results so far are written"};
+  return outcome;
+}
+
+Outcome explain_no_estimate(const Run& run) {
+  const Diagnostics heard = run.odometry.diagnostics();
+  const std::string why = heard.entries().empty() ? "events and IMU data are too few, or do not overlap"
+                                                  : heard.entries().begin()->second.first_message;
+  return {1, fmt::format("{}: no window could be estimated: {}", run.summary.sequence, why)};
+}
+
+// Results first, then what is said about them: even a damaged recording leaves what came before.
+Outcome estimate_and_write(Run& run) {
+  const auto& out = run.arguments.out;
+  Outcome outcome = feed(run);
+  if (outcome.exit == 0 && !run.odometry.started()) outcome = explain_no_estimate(run);
+  run.recorder.write_results(run.odometry);
+  auto& summary = run.summary;
+  summary.status = outcome.exit == 0 ? "done" : outcome.message;
+  run.monitor.report(summary.sequence, summary.diagnostics);
+  summary.diagnostics.merge(run.reader.diagnostics());
+  summary.diagnostics.merge(run.odometry.diagnostics());
+  std::string figures;
+  if (run.odometry.started()) figures = judge_against_truth(run.arguments.sequence, out, summary.diagnostics);
+  run.recorder.write_stats(run.odometry, summary);
+  if (run.odometry.started()) {
+    write_report(out);
+    fmt::print("{} windows, {} lines; results in {}, report: {}\n", run.recorder.windows(),
+               run.odometry.smoother().line_count(), out.string(), (out / "report.html").string());
+    if (!figures.empty()) fmt::print("{}\n", figures);
   }
   return outcome;
 }
 
-void write_groundtruth(const RunArguments& arguments, const Odometry& odometry) {
-  const auto truth = read_groundtruth(arguments.sequence);
-  if (!truth) return;
-  Trajectory span;
-  const Time from = odometry.smoother().states().front().t, to = odometry.smoother().latest().t;
-  for (const auto& pose : *truth)
-    if (pose.t >= from && pose.t <= to) span.push_back(pose);
-  write_trajectory(arguments.out / "groundtruth_camera.txt", span);
-}
-
 int run(const RunArguments& arguments) {
   const Options options = arguments.options.resolve();
-  const Rig rig = load_rig(arguments.sequence, arguments.rig, arguments.imu_rig);
+  install_interrupt_handler();
+  RunRecorder::Summary summary;
+  summary.sequence = arguments.sequence.string();
+  summary.preset = arguments.options.preset;
+  const Rig rig = load_rig(arguments.sequence, arguments.rig, arguments.imu_rig, &summary.diagnostics);
   ReaderOptions reading;
   reading.width = rig.camera.width;
   reading.height = rig.camera.height;
   reading.from_s = arguments.span.from_s;
   reading.to_s = arguments.span.to_s;
+  reading.imu_offset_s = rig.time_offset_s;
+  reading.imu_near_events = true;
   const auto reader = open_reader(arguments.sequence, reading);
   prepare_output(arguments.out, options, rig);
-  install_interrupt_handler();
 
-  Odometry odometry(rig, options);
-  RunRecorder recorder(arguments.out, rig, arguments.rate_hz);
-  odometry.on_estimate([&](const Estimate& e) { recorder.add(e); });
-  RunRecorder::Summary summary;
-  summary.sequence = arguments.sequence.string();
-  summary.preset = arguments.options.preset;
-  Outcome outcome = feed(*reader, odometry, recorder, summary);
-  if (outcome.exit == 0 && !odometry.started())
-    outcome = {1, fmt::format("{}: no window could be estimated: events and IMU data do not overlap, or are too few",
-                              arguments.sequence.string())};
-
-  summary.status = outcome.exit == 0 ? "done" : outcome.message;
-  summary.diagnostics = reader->diagnostics();
-  summary.diagnostics.merge(odometry.diagnostics());
-  recorder.write(odometry, summary);
-  print_warnings(summary.diagnostics);
-  if (odometry.started()) {
-    write_groundtruth(arguments, odometry);
-    write_report(arguments.out);
-    fmt::print("{} windows, {} lines; results in {}, report: {}\n", recorder.windows(), odometry.smoother().line_count(),
-               arguments.out.string(), (arguments.out / "report.html").string());
-  }
+  Run run{arguments,
+          rig,
+          *reader,
+          Odometry(rig, options),
+          RunRecorder(arguments.out, rig, arguments.rate_hz),
+          EventMonitor(rig.camera.width, rig.camera.height),
+          std::move(summary)};
+  run.odometry.on_estimate([&](const Estimate& e) { run.recorder.add(e); });
+  const Outcome outcome = estimate_and_write(run);
+  // One line on a failure: its reason. The rest is in stats.json.
+  if (outcome.exit != 1) print_warnings(run.summary.diagnostics);
   if (outcome.exit != 0) fmt::print(stderr, "idol: {}\n", outcome.message);
   return outcome.exit;
 }
@@ -147,7 +205,8 @@ void add_run(CLI::App& app, Action& action) {
   command->add_option("--out", arguments->out, "folder for the results; created if missing")->required();
   command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
-  command->add_option("--rate", arguments->rate_hz, "sample both trajectories at this rate [Hz]")->check(CLI::PositiveNumber);
+  command->add_option("--rate", arguments->rate_hz, "sample both trajectories at this rate [Hz]")
+      ->check(CLI::PositiveNumber);
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

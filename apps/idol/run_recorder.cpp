@@ -81,13 +81,11 @@ void RunRecorder::take_snapshot(const Estimate& e) {
   snapshots_.push_back(std::move(shot));
 }
 
-void RunRecorder::write(const Odometry& odometry, const Summary& summary) const {
-  if (odometry.started()) {
-    write_trajectories(odometry);
-    write_windows();
-    write_pictures();
-  }
-  write_stats(odometry, summary);
+void RunRecorder::write_results(const Odometry& odometry) const {
+  if (!odometry.started()) return;
+  write_trajectories(odometry);
+  write_windows();
+  write_pictures();
 }
 
 void RunRecorder::write_trajectories(const Odometry& odometry) const {
@@ -119,12 +117,15 @@ void RunRecorder::write_windows() const {
 
 void RunRecorder::write_pictures() const {
   const auto folder = dir_ / "pictures";
-  std::filesystem::remove_all(folder);
-  std::filesystem::create_directories(folder);
+  std::error_code error;
+  std::filesystem::remove_all(folder, error);
+  std::filesystem::create_directories(folder, error);
+  if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
   for (const auto& shot : snapshots_) {
     const double t = seconds_between(snapshots_.front().t, shot.t);
-    write_png(folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
-              draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines, kPictureScale));
+    write_png(
+        folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
+        draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines, kPictureScale));
   }
 }
 
@@ -150,7 +151,9 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
   stats["wall_s"] = wall;
   stats["realtime_factor"] = wall > 0 ? total.duration_s / wall : 0;
   stats["peak_rss_mb"] = peak_rss_mb();
-  stats["stages"] = {{"read", summary.read_s}, {"segment", total.segment_s}, {"integrate", total.integrate_s},
+  stats["stages"] = {{"read", summary.read_s},
+                     {"segment", total.segment_s},
+                     {"integrate", total.integrate_s},
                      {"solve", total.solve_s}};
   stats["windows"] = rows_.size();
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;

@@ -24,10 +24,17 @@ class RunRecorder {
     double read_s = 0;
     Diagnostics diagnostics;
   };
-  /// Writes everything but config, rig, ground truth and report. Throws DataError when the disk refuses.
-  void write(const Odometry& odometry, const Summary& summary) const;
+  /// Trajectories, states, lines, windows and pictures, if there is an estimate. Throws DataError when the
+  /// disk refuses.
+  void write_results(const Odometry& odometry) const;
+  /// stats.json. Throws DataError when the disk refuses.
+  void write_stats(const Odometry& odometry, const Summary& summary) const;
 
   [[nodiscard]] std::size_t windows() const { return rows_.size(); }
+  /// Length of what has been estimated so far [s].
+  [[nodiscard]] double data_s() const {
+    return rows_.empty() ? 0 : seconds_between(rows_.front().t, rows_.back().t) + rows_.front().duration_s;
+  }
   [[nodiscard]] int lines() const { return rows_.empty() ? 0 : rows_.back().stats.lines; }
 
  private:
@@ -50,7 +57,6 @@ class RunRecorder {
   void write_trajectories(const Odometry& odometry) const;
   void write_windows() const;
   void write_pictures() const;
-  void write_stats(const Odometry& odometry, const Summary& summary) const;
 
   std::filesystem::path dir_;
   Rig rig_;

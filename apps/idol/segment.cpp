@@ -6,7 +6,9 @@
 #include "commands.hpp"
 #include "idol/frontend/segments.hpp"
 #include "idol/frontend/windower.hpp"
+#include "idol/io/event_monitor.hpp"
 #include "idol/io/reader.hpp"
+#include "idol/io/sensor_size.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 
@@ -19,20 +21,30 @@ struct SegmentArguments {
   SpanArguments span;
 };
 
-// Without a calibration the sensor is as large as its largest pixel says; a first pass finds out.
-UndistortMap find_undistortion(const SegmentArguments& arguments) {
-  if (const auto camera = find_camera(arguments.sequence, arguments.rig); camera && camera->width > 0)
-    return UndistortMap(*camera);
+ReaderOptions reader_options(const SegmentArguments& arguments) {
   ReaderOptions reading;
+  reading.from_s = arguments.span.from_s;
+  reading.to_s = arguments.span.to_s;
   reading.need_imu = false;
-  const auto reader = open_reader(arguments.sequence, reading);
-  int width = 1, height = 1;
-  while (const auto packet = reader->next())
-    for (const Event& e : packet->events) {
-      width = std::max(width, e.x + 1);
-      height = std::max(height, e.y + 1);
+  return reading;
+}
+
+// Without a calibration the sensor is as large as its events say; a first pass over the span finds out.
+UndistortMap measure_sensor(const SegmentArguments& arguments) {
+  const auto reader = open_reader(arguments.sequence, reader_options(arguments));
+  SensorSize seen;
+  try {
+    while (!interrupted()) {
+      const auto packet = reader->next();
+      if (!packet) break;
+      seen.add(packet->events);
     }
-  return UndistortMap(width, height);
+  } catch (const DataError&) {
+    // The second pass will meet it again, and tell.
+    if (seen.empty()) throw;
+  }
+  const auto [width, height] = seen.size(arguments.sequence.string());
+  return {width, height};
 }
 
 void write_labels(TextWriter& writer, const EventWindow& window, const SegmentedWindow& segments) {
@@ -45,38 +57,54 @@ void write_labels(TextWriter& writer, const EventWindow& window, const Segmented
   writer.write({text.data(), text.size()});
 }
 
-int segment(const SegmentArguments& arguments) {
-  const Options options = arguments.options.resolve();
-  const UndistortMap undistort = find_undistortion(arguments);
-  ReaderOptions reading;
-  reading.width = undistort.width();
-  reading.height = undistort.height();
-  reading.from_s = arguments.span.from_s;
-  reading.to_s = arguments.span.to_s;
-  reading.need_imu = false;
-  const auto reader = open_reader(arguments.sequence, reading);
-  install_interrupt_handler();
-
+// Segments all that can be read; returns the reason if that is not all.
+std::string label_events(const SegmentArguments& arguments, const Options& options, Reader& reader,
+                         const UndistortMap& undistort, EventMonitor& monitor) {
   TextWriter writer(arguments.out);
   Windower windower(options.window);
   Segmenter segmenter(options.segment, undistort);
-  const auto process = [&](const EventWindow& window) { write_labels(writer, window, segmenter.process(window)); };
+  const auto process = [&](const EventWindow& window) {
+    write_labels(writer, window, segmenter.process(window));
+  };
   std::string failure;
   try {
     while (!interrupted()) {
-      const auto packet = reader->next();
+      const auto packet = reader.next();
       if (!packet) break;
+      monitor.add(packet->events);
       windower.push(packet->events);
-      while (const auto window = windower.pop()) process(*window);
+      while (const auto window = interrupted() ? std::nullopt : windower.pop()) process(*window);
     }
   } catch (const DataError& e) {
     failure = e.what();
   }
-  if (const auto window = windower.flush()) process(*window);
+  if (const auto window = interrupted() ? std::nullopt : windower.flush()) process(*window);
   writer.close();
-  print_warnings(reader->diagnostics());
+  return failure;
+}
+
+int segment(const SegmentArguments& arguments) {
+  const Options options = arguments.options.resolve();
+  install_interrupt_handler();
+  Diagnostics diagnostics;
+  const auto camera = find_camera(arguments.sequence, arguments.rig, &diagnostics);
+  const bool calibrated = camera && camera->width > 0;
+  const UndistortMap undistort = calibrated ? UndistortMap(*camera) : measure_sensor(arguments);
+  ReaderOptions reading = reader_options(arguments);
+  reading.width = undistort.width();
+  reading.height = undistort.height();
+  const auto reader = open_reader(arguments.sequence, reading);
+  EventMonitor monitor(undistort.width(), undistort.height());
+  const std::string failure = label_events(arguments, options, *reader, undistort, monitor);
   if (!failure.empty()) throw DataError(failure);
-  return interrupted() ? kExitInterrupted : 0;
+  diagnostics.merge(reader->diagnostics());
+  monitor.report(arguments.sequence.string(), diagnostics);
+  if (calibrated && !interrupted())
+    check_sensor_fit(arguments.sequence.string(), monitor, *camera, diagnostics);
+  print_warnings(diagnostics);
+  if (!interrupted()) return 0;
+  fmt::print(stderr, "idol: interrupted: {} holds the results so far\n", arguments.out.string());
+  return kExitInterrupted;
 }
 
 }  // namespace
@@ -84,10 +112,13 @@ int segment(const SegmentArguments& arguments) {
 void add_segment(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<SegmentArguments>();
   auto* command = app.add_subcommand("segment", "Cluster events into line segments; no IMU needed");
-  command->add_option("SEQUENCE", arguments->sequence, "recording: a folder in the RPG layout, or a file of events")
+  command
+      ->add_option("SEQUENCE", arguments->sequence,
+                   "recording: a folder in the RPG layout, or a file of events")
       ->required();
   command->add_option("--out", arguments->out, "text file: t x y p segment_id, -1 for none")->required();
-  command->add_option("--rig", arguments->rig, "camera calibration, to straighten lines (found in the folder if there)");
+  command->add_option("--rig", arguments->rig,
+                      "camera calibration, to straighten lines (found in the folder if there)");
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   command->callback([&action, arguments] { action = [arguments] { return segment(*arguments); }; });

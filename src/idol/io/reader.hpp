@@ -21,6 +21,9 @@ struct ReaderOptions {
   double to_s = 1e30;
   bool need_imu = true;         ///< false: events alone
   bool imu_if_present = false;  ///< with need_imu false: the IMU too, where there is one
+  double imu_offset_s = 0;      ///< t_imu = t_camera + offset: which IMU samples lie beside which events
+  bool imu_near_events =
+      false;  ///< leave out the IMU of more than 0.1 s before the first and after the last event
   std::size_t packet_events = 16384;
 };
 
@@ -33,6 +36,8 @@ class Reader {
  public:
   virtual ~Reader() = default;
   virtual std::optional<Packet> next() = 0;
+  /// True when no IMU sample follows those given out, though events may.
+  [[nodiscard]] virtual bool imu_over() const = 0;
   /// First stamp of the recording (earliest of all streams), before any span was cut.
   [[nodiscard]] virtual Time first_stamp() const = 0;
   /// Share of the input consumed so far in [0, 1], for progress bars.

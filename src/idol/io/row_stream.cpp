@@ -12,6 +12,8 @@ constexpr std::int64_t kFewestBadRows = 3;  // below that they count as isolated
 constexpr std::int64_t kMostJumpsBack = 10;
 constexpr std::int64_t kMostLateInARow = 1000;
 constexpr Time kJumpBack = 1'000'000;  // [ns]
+// No recording pauses so long, and windows tile all time that passes [ns].
+constexpr Time kJumpAhead = 600'000'000'000;
 
 }  // namespace
 
@@ -55,6 +57,16 @@ void RowRules::late_row(const LineReader& lines, Time t, Time previous, Time new
   diagnostics_.warn(
       fmt::format("out_of_order_{}", row_name_),
       fmt::format("{}: the stamp is {:.3f} ms before one already read; row dropped", lines.where(), back_ms));
+}
+
+void RowRules::check_jump(const LineReader& lines, Time previous, Time t) const {
+  // The difference of two stamps may be beyond the range of Time.
+  if (t > 0 && previous < t - kJumpAhead) {
+    throw DataError(fmt::format(
+        "{}: {} stamps jump ahead, from {:.6f} to {:.6f} s, before this row; split the file where "
+        "its clock was set",
+        lines.where(), row_name_, static_cast<double>(previous) / 1e9, static_cast<double>(t) / 1e9));
+  }
 }
 
 void RowRules::check_early(const LineReader& lines) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <exception>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -28,6 +29,8 @@ class RowRules {
   void count_row(const LineReader& lines) {
     if (++rows_ == next_check_) check_early(lines);
   }
+  /// A row in order that comes long after the one before it.
+  void check_jump(const LineReader& lines, Time previous, Time t) const;
   /// A row in order: late rows before it were a passing matter.
   void in_order() { late_in_a_row_ = 0; }
   /// At the end of the stream: the share of bad rows must be small.
@@ -67,8 +70,7 @@ class RowStream {
         if (!held_) {
           hold(row);
         } else if (row.t > held_row_.t || (Parser::kEqualStampsAllowed && row.t == held_row_.t)) {
-          out = held_row_;
-          given_ = out.t;
+          give(out);
           held_row_ = row;
           previous_ = row.t;
           rules_.in_order();
@@ -83,8 +85,8 @@ class RowStream {
       damage_ = std::current_exception();
     }
     if (!held_) return false;
-    out = held_row_;
     held_ = false;
+    give(out);
     return true;
   }
 
@@ -115,6 +117,13 @@ class RowStream {
     held_row_ = row;
     held_ = true;
     previous_ = row.t;
+  }
+
+  void give(Row& out) {
+    constexpr Time kNone = std::numeric_limits<Time>::min();
+    if (given_ != kNone) rules_.check_jump(lines_, given_, held_row_.t);
+    out = held_row_;
+    given_ = out.t;
   }
 
   void put_late(const Row& row) {

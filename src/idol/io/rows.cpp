@@ -77,6 +77,10 @@ RowResult ImuParser::explain(std::string_view line, ImuSample& sample) const {
     return result;
   const auto t = parse_stamp(columns[0]);
   if (!t) return bad_stamp(columns[0]);
+  // Whatever the unit is; such numbers only come from damage.
+  constexpr double kBeyondAnySensor = 1e5;
+  if (std::any_of(v.begin() + 1, v.end(), [](double value) { return std::abs(value) > kBeyondAnySensor; }))
+    return {RowStatus::kNotFinite, "a value is beyond any sensor's range"};
   sample = {*t, Vec3(v[1], v[2], v[3]), Vec3(v[4], v[5], v[6])};
   return {};
 }

@@ -66,7 +66,8 @@ std::unique_ptr<TextReader::Cursor<Parser>> TextReader::open(const fs::path& fol
   return open(files[0], parser);
 }
 
-TextReader::TextReader(const fs::path& path, const ReaderOptions& options) : options_(options) {
+TextReader::TextReader(const fs::path& path, const ReaderOptions& options)
+    : options_(options), imu_offset_(from_seconds(options.imu_offset_s)) {
   if (!(options.from_s >= 0) || !(options.to_s > options.from_s)) {
     throw UsageError(fmt::format("the span to read, {} to {} s, is empty or begins before the recording",
                                  options.from_s, options.to_s));
@@ -109,15 +110,23 @@ void TextReader::fill_events() {
   if (!head || head->t >= end_) events_over_ = true;
 }
 
+Time TextReader::imu_begin() const {
+  return (options_.imu_near_events ? std::max(begin_, *first_event_) : begin_) - kImuMargin;
+}
+
+Time TextReader::imu_end() const {
+  return (options_.imu_near_events && events_over_ ? std::min(end_, last_event_ + 1) : end_) + kImuMargin;
+}
+
 /// Appends the samples up to the first one after `until`; false if the packet is full before.
 bool TextReader::fill_imu(std::vector<ImuSample>& imu, Time until) {
   while (imu_->head && (!first_imu_ || last_imu_ <= until)) {
-    const Time t = imu_->head->t;
-    if (t >= end_ + kImuMargin) break;
+    const Time t = imu_->head->t - imu_offset_;
+    if (t >= imu_end()) break;
     if (imu.size() == kMostImuPerPacket) return false;
-    if (t >= begin_ - kImuMargin) {
+    last_imu_ = t;
+    if (t >= imu_begin()) {
       if (!first_imu_) first_imu_ = t;
-      last_imu_ = t;
       imu.push_back(*imu_->head);
     }
     imu_->advance();
@@ -134,21 +143,21 @@ void TextReader::check_overlap() const {
   if (imu_->damage || !first_event_) return;
   const char* advice = "the streams do not overlap in time; are both of one recording and one clock?";
   if (!imu_->head && (!first_imu_ || last_imu_ < *first_event_)) {
-    throw DataError(fmt::format("{}, but {} ends before that{}; {}", span_of_events(), imu_->name(),
-                                first_imu_ ? fmt::format(", at {:.6f} s", seconds_of(last_imu_)) : "",
-                                advice));
+    throw DataError(fmt::format("{}, but {} ends before that, at {:.6f} s; {}", span_of_events(),
+                                imu_->name(), seconds_of(last_imu_ + imu_offset_), advice));
   }
   if (!events_over_) return;
-  const Time first = first_imu_ ? *first_imu_ : imu_->head->t;
+  const Time first = first_imu_ ? *first_imu_ : imu_->head->t - imu_offset_;
   if (first > last_event_) {
     throw DataError(fmt::format("{}, but {} begins after that, at {:.6f} s; {}", span_of_events(),
-                                imu_->name(), seconds_of(first), advice));
+                                imu_->name(), seconds_of(first + imu_offset_), advice));
   }
 }
 
 std::optional<Packet> TextReader::end() const {
   if (events_->damage) std::rethrow_exception(events_->damage);
   events_->stream.check_share();
+  if (imu_) imu_->stream.check_share();
   if (!first_event_) {
     throw DataError(fmt::format(
         "{}: no events between {} and {} s after the recording's first stamp; choose another span",

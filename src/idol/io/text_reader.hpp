@@ -19,6 +19,7 @@ class TextReader : public Reader {
   TextReader(const std::filesystem::path& path, const ReaderOptions& options);
 
   std::optional<Packet> next() override;
+  [[nodiscard]] bool imu_over() const override { return !imu_ || !imu_->head; }
   [[nodiscard]] Time first_stamp() const override { return first_stamp_; }
   [[nodiscard]] double progress() const override;
   [[nodiscard]] const Diagnostics& diagnostics() const override { return diagnostics_; }
@@ -42,6 +43,8 @@ class TextReader : public Reader {
 
   void fill_events();
   bool fill_imu(std::vector<ImuSample>& imu, Time until);
+  [[nodiscard]] Time imu_begin() const;
+  [[nodiscard]] Time imu_end() const;
   void check_overlap() const;
   std::optional<Packet> end() const;
   [[nodiscard]] std::string span_of_events() const;
@@ -50,12 +53,13 @@ class TextReader : public Reader {
   Diagnostics diagnostics_;
   std::unique_ptr<Cursor<EventParser>> events_;
   std::unique_ptr<Cursor<ImuParser>> imu_;  // none: events alone
+  Time imu_offset_ = 0;
   Time first_stamp_ = 0;
   Time begin_ = 0;  // span [begin, end)
   Time end_ = 0;
   std::vector<Event> waiting_;  // events of the next packet, until their IMU samples are there too
   bool events_over_ = false;
-  std::optional<Time> first_event_, first_imu_;  // of the span
+  std::optional<Time> first_event_, first_imu_;  // of the span; the IMU's on the clock of the camera
   Time last_event_ = 0, last_imu_ = 0;
 };
 

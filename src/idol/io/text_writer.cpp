@@ -62,7 +62,10 @@ void TextWriter::close() {
 }
 
 void TextWriter::refuse() const {
-  throw DataError(fmt::format("{}: cannot be written: {}", name_, std::strerror(errno)));
+  const int reason = errno;
+  throw DataError(fmt::format("{}: cannot be written: {}; {}", name_, std::strerror(reason),
+                              reason == ENOSPC || reason == EDQUOT ? "free some space, or write elsewhere"
+                                                                   : "give a path that can be written"));
 }
 
 void write_text_file(const std::filesystem::path& path, std::string_view text) {

@@ -9,8 +9,8 @@
 
 namespace idol {
 
-/// A text file being written; compressed if its name ends in .zst. Call close() at the end: only then is it known that
-/// everything arrived.
+/// A text file being written; compressed if its name ends in .zst. Call close() at the end: only then is it
+/// known that everything arrived.
 class TextWriter {
  public:
   /// Throws DataError if the file cannot be created.

@@ -61,7 +61,12 @@ void Odometry::push(std::span<const Event> events) {
     event.t += offset;
     windower_.push({&event, 1});
   }
-  process_ready(false);
+  process_ready(imu_over_);
+}
+
+void Odometry::end_imu() {
+  imu_over_ = true;
+  process_ready(true);
 }
 
 void Odometry::finish() {
@@ -93,18 +98,25 @@ void Odometry::process_ready(bool last) {
         shorten(*waiting_, imu_.back_time());
         continue;
       }
-      if (seconds_between(imu_.back_time(), window.end) > kImuTail)
-        diagnostics_.warn("imu_ends_early",
-                          fmt::format("the IMU ends at {:.3f} s, before the events: nothing is "
-                                      "estimated after it",
-                                      static_cast<double>(imu_.back_time()) / kNsPerS));
-      waiting_.reset();
+      drop_waiting();
       continue;
     }
     if (!started_ && !start(window, last)) return;
     process(window);
     waiting_.reset();
   }
+}
+
+// A window that the IMU will never reach.
+void Odometry::drop_waiting() {
+  if (imu_.empty()) {
+    diagnostics_.warn("no_imu", "there is no IMU data: nothing is estimated");
+  } else if (seconds_between(imu_.back_time(), waiting_->end) > kImuTail) {
+    diagnostics_.warn("imu_ends_early", fmt::format("the IMU ends at {:.3f} s, before the events: nothing is "
+                                                    "estimated after it",
+                                                    static_cast<double>(imu_.back_time()) / kNsPerS));
+  }
+  waiting_.reset();
 }
 
 bool Odometry::start(const EventWindow& window, bool last) {

@@ -59,6 +59,8 @@ class Odometry {
   /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used.
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
+  /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
+  void end_imu();
   /// Last, partial window and what waits for IMU data that will not come.
   void finish();
 
@@ -73,6 +75,7 @@ class Odometry {
 
  private:
   void process_ready(bool last);
+  void drop_waiting();
   bool start(const EventWindow& window, bool last);
   void process(const EventWindow& window);
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
@@ -95,6 +98,7 @@ class Odometry {
   std::unique_ptr<Backend> smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;
+  bool imu_over_ = false;
   RestDetector rest_;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;

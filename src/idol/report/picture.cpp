@@ -161,7 +161,7 @@ void write_png(const std::filesystem::path& path, const Image& image) {
   if (image.pixels().empty())
     throw DataError(fmt::format("{}: an image without pixels cannot be written", path.string()));
   if (png_image_write_to_file(&png, path.c_str(), 0, image.pixels().data(), 0, nullptr) == 0)
-    throw DataError(fmt::format("{}: cannot be written: {}", path.string(), png.message));
+    throw DataError(fmt::format("{}: cannot be written: {}; is the disk full?", path.string(), png.message));
 }
 
 }  // namespace idol

@@ -1,0 +1,62 @@
+#include "run_truth.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "idol/eval/evaluation_output.hpp"
+#include "idol/io/reader.hpp"
+#include "idol/io/text_writer.hpp"
+#include "idol/io/trajectory_io.hpp"
+
+namespace idol::cli {
+namespace {
+
+Trajectory part_of(const Trajectory& truth, Time from, Time to) {
+  Trajectory part;
+  for (const auto& pose : truth)
+    if (pose.t >= from && pose.t <= to) part.push_back(pose);
+  return part;
+}
+
+std::string full_figures(const Evaluation& evaluation) {
+  for (const ProtocolResult& result : evaluation.protocols) {
+    if (result.protocol.name != "full") continue;
+    const AbsoluteFigures& f = result.figures;
+    return fmt::format(
+        "ground truth, protocol full: translation RMSE {:.4f} m (MPE {:.3f} % of {:.2f} m), "
+        "rotation RMSE {:.3f} deg, {} poses",
+        f.translation_m.rmse, f.mpe_percent, result.distance_m, f.rotation_deg.rmse, result.poses);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string judge_against_truth(const std::filesystem::path& sequence, const std::filesystem::path& out,
+                                Diagnostics& diagnostics) {
+  std::optional<Trajectory> truth;
+  try {
+    truth = read_groundtruth(sequence);
+    if (!truth) return {};
+  } catch (const DataError& e) {
+    diagnostics.warn("bad_groundtruth", fmt::format("{}; the run is not compared with it", e.what()));
+    return {};
+  }
+  // Read back, so that the figures are those of the file to the last digit.
+  const Trajectory estimate = read_trajectory(out / "trajectory_camera.txt");
+  Evaluation evaluation;
+  try {
+    evaluation = evaluate(estimate, *truth, {});
+  } catch (const DataError& e) {
+    diagnostics.warn("bad_groundtruth", fmt::format("ground truth of {}: {}; the run is not compared with it",
+                                                    sequence.string(), e.what()));
+    return {};
+  }
+  write_trajectory(out / "groundtruth_camera.txt", part_of(*truth, estimate.front().t, estimate.back().t));
+  write_text_file(out / "evaluation.json", evaluation_json(evaluation));
+  return full_figures(evaluation);
+}
+
+}  // namespace idol::cli
