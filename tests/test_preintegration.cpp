@@ -284,6 +284,21 @@ TEST(Preintegration, GapInTheDataInflatesTheCovariance) {
   EXPECT_TRUE(gapped.at(t).dp.allFinite());
 }
 
+TEST(Preintegration, AFewSamplesWillDo) {
+  for (const auto method : {kGpm, kLpm, kContinuous})
+    for (int count = 2; count < 12; ++count) {
+      std::vector<ImuSample> samples;
+      for (int k = 0; k < count; ++k) samples.push_back({from_seconds(0.01 * k), Vec3(1, 2, 3), Vec3(0, 0, 0.5)});
+      const double end = 0.01 * (count - 1);
+      const auto imu = integrate(samples, 0, end, {}, ImuNoise(), with(method));
+      const Preintegrated m = imu.at(from_seconds(end));
+      EXPECT_LT((so3_log(m.dR) - Vec3(0, 0, 0.5 * end)).norm(), 1e-9) << count;
+      EXPECT_TRUE(m.d_p_d_bg.allFinite());
+      EXPECT_TRUE(imu.covariance(from_seconds(end)).allFinite());
+      EXPECT_GT(imu.covariance(from_seconds(end)).diagonal().minCoeff(), 0);
+    }
+}
+
 TEST(Preintegration, GapsAreReported) {
   const SineMotion motion{1.0};
   auto samples = motion.readings(0.0, 1.0, 500);

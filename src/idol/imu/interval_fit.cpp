@@ -151,9 +151,10 @@ FitWeights IntervalFit::regular_weights() const {
 }
 
 bool IntervalFit::regular(std::size_t first, std::size_t count) const {
-  constexpr double kTolerance = 0.005;  // of a period: what stamps in microseconds leave at 1 kHz and beyond
+  // What stamps rounded to microseconds leave: a rate hardly changes in that time.
+  const double tolerance = std::max(2.5e-6, 1e-3 * period_);
   for (std::size_t i = first; i + 1 < first + count; ++i)
-    if (std::abs(times_[i + 1] - times_[i] - period_) > kTolerance * period_) return false;
+    if (std::abs(times_[i + 1] - times_[i] - period_) > tolerance) return false;
   return true;
 }
 
