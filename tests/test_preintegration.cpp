@@ -246,6 +246,22 @@ TEST(Preintegration, LostAndRepeatedSamplesCostLittle) {
   EXPECT_LT(e.position, 1e-6);
 }
 
+TEST(Preintegration, TheRateMayChange) {
+  const SineMotion motion{3.0};
+  const NavState begin = motion.state(1.0);
+  for (const auto& [before, after] : {std::pair(1000.0, 200.0), std::pair(200.0, 1000.0)}) {
+    auto samples = motion.readings(0.5, 1.25, before);
+    const auto more = motion.readings(1.25 + 1 / after, 2.0, after);
+    samples.insert(samples.end(), more.begin(), more.end());
+    const auto imu = integrate(samples, 1.0, 1.6);
+    EXPECT_EQ(imu.quality().merged, 0);
+    const Errors e = errors_of(imu.motion(from_seconds(1.6)), begin, motion.state(1.6));
+    EXPECT_LT(e.angle, 1e-8);
+    EXPECT_LT(e.velocity, 1e-7);
+    EXPECT_LT(e.position, 1e-7);
+  }
+}
+
 // The normalised error squared of honest covariances averages to its dimension, at samples and between them.
 TEST(Preintegration, CovarianceIsHonest) {
   const SineMotion motion{3.0};
