@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "idol/odometry/odometry.hpp"
+#include "idol/odometry/presets.hpp"
 #include "idol/sim/simulator.hpp"
 #include "test_util.hpp"
 
@@ -31,8 +31,8 @@ SimulatedRecording record(const Rig& rig, double duration_s, const SimulatorOpti
 
 // Both streams to the odometry in packets of `chunk` events, the IMU up to the packet's end first.
 std::vector<NavState> estimate(const Rig& rig, const SimulatedRecording& data, std::size_t chunk,
-                               std::vector<NavState>* causal = nullptr) {
-  Odometry odometry(rig, Options{});
+                               std::string_view name, std::vector<NavState>* causal = nullptr) {
+  Odometry odometry(rig, preset(name));
   odometry.on_estimate([&](const Estimate& e) {
     if (causal != nullptr) causal->push_back(e.state);
   });
@@ -70,35 +70,41 @@ Errors judge(const std::vector<NavState>& states, const std::vector<NavState>& t
   return {std::sqrt(sum.position_m / n), std::sqrt(sum.rotation_deg / n)};
 }
 
-TEST(Pipeline, FindsTheTrajectoryOfASyntheticScene) {
+class PipelineOf : public ::testing::TestWithParam<std::string_view> {};
+INSTANTIATE_TEST_SUITE_P(Presets, PipelineOf, ::testing::Values("realtime", "paper"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST_P(PipelineOf, FindsTheTrajectoryOfASyntheticScene) {
   const Rig rig = davis_rig();
   const auto data = record(rig, 4);
   std::vector<NavState> causal;
-  const auto states = estimate(rig, data, 1000, &causal);
+  const auto states = estimate(rig, data, 1000, GetParam(), &causal);
   ASSERT_GT(states.size(), 35U);
   EXPECT_EQ(causal.size() + 1, states.size());
   EXPECT_GT(states.back().t, from_seconds(3.9));
   const Errors smoothed = judge(states, data.truth);
   EXPECT_LT(smoothed.position_m, 0.03);
   EXPECT_LT(smoothed.rotation_deg, 2.0);
+  EXPECT_LT(judge(causal, data.truth).position_m, 0.05);
   // By comparison: the wander covers decimetres.
   double reach = 0;
   for (const auto& s : data.truth) reach = std::max(reach, (s.T_w_i.p - data.truth.front().T_w_i.p).norm());
   EXPECT_GT(reach, 0.1);
 }
 
-TEST(Pipeline, SameBitsTwiceAndForAnyPacketSize) {
+TEST_P(PipelineOf, SameBitsTwiceAndForAnyPacketSize) {
   const Rig rig = davis_rig();
   const auto data = record(rig, 2);
-  const auto reference = estimate(rig, data, 1000);
+  const auto reference = estimate(rig, data, 1000, GetParam());
   ASSERT_GT(reference.size(), 10U);
   for (std::size_t chunk : {std::size_t{1000}, std::size_t{7}, data.events.size()}) {
-    const auto other = estimate(rig, data, chunk);
+    const auto other = estimate(rig, data, chunk, GetParam());
     ASSERT_EQ(other.size(), reference.size()) << "packets of " << chunk;
     for (std::size_t k = 0; k < reference.size(); ++k) {
       ASSERT_EQ(other[k].t, reference[k].t);
       ASSERT_EQ(other[k].T_w_i.p, reference[k].T_w_i.p) << "packets of " << chunk << ", state " << k;
-      ASSERT_EQ(other[k].T_w_i.q.coeffs(), reference[k].T_w_i.q.coeffs()) << "packets of " << chunk << ", state " << k;
+      ASSERT_EQ(other[k].T_w_i.q.coeffs(), reference[k].T_w_i.q.coeffs())
+          << "packets of " << chunk << ", state " << k;
       ASSERT_EQ(other[k].v_w, reference[k].v_w);
     }
   }
@@ -107,7 +113,7 @@ TEST(Pipeline, SameBitsTwiceAndForAnyPacketSize) {
 TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {
   const Rig rig = davis_rig();
   const auto data = record(rig, 4);
-  Options options;
+  Options options = preset("paper");
   options.backend.batch_s = 2;
   options.backend.lag_windows = 15;
   Odometry odometry(rig, options);

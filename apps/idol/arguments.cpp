@@ -5,6 +5,8 @@
 #include <csignal>
 #include <cstdio>
 
+#include "idol/odometry/presets.hpp"
+
 namespace idol::cli {
 namespace {
 
@@ -19,7 +21,7 @@ void on_interrupt(int) {
 }  // namespace
 
 void OptionArguments::declare(CLI::App& command) {
-  command.add_option("--preset", preset, "set of options to start from: paper")->capture_default_str();
+  command.add_option("--preset", preset, "set of options to start from: realtime, or paper (the method as published)")->capture_default_str();
   command.add_option("--config", config, "YAML file of options ('idol config' prints one)");
   command.add_option("--set", set, "one option, group.name=value; may be repeated")
       ->allow_extra_args(false)
@@ -27,9 +29,7 @@ void OptionArguments::declare(CLI::App& command) {
 }
 
 Options OptionArguments::resolve() const {
-  if (preset != "paper")
-    throw UsageError(fmt::format("--preset {}: unknown; there is: paper", preset));
-  Options options;
+  Options options = idol::preset(preset);
   std::vector<OptionField> fields;
   list_fields(options, fields);
   if (!config.empty()) load_options(fields, config);

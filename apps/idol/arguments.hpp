@@ -11,7 +11,7 @@ namespace idol::cli {
 
 /// --preset, --config and --set, applied in this order.
 struct OptionArguments {
-  std::string preset = "paper";
+  std::string preset = "realtime";
   std::string config;
   std::vector<std::string> set;
 

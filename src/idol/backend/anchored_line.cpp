@@ -5,7 +5,8 @@
 
 namespace idol {
 
-LineAnchor LineAnchor::from_image(const Pose& T_w_c, const Vec2& a_px, const Vec2& b_px, const Camera& camera) {
+LineAnchor LineAnchor::from_image(const Pose& T_w_c, const Vec2& a_px, const Vec2& b_px,
+                                  const Camera& camera) {
   LineAnchor out;
   out.T_w_c = T_w_c;
   out.a = camera.normalise(a_px);
@@ -29,8 +30,9 @@ LineEnds AnchoredLine::ends() const {
 
 // As for points (residuals.cpp), times w: u = R^T (x - w (p + v dt + g dt^2 / 2)), x_i = dR^T (u - w dp),
 // x_c = R_c_i x_i + w p_c_i.
-HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
-                              const ImuBias& linearised_at, const Projection& projection) {
+HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& state,
+                              const Preintegrated& motion, const ImuBias& linearised_at,
+                              const Projection& projection) {
   const double dt = motion.dt, w = point.w;
   const Vec3 dbg = state.bias.gyro - linearised_at.gyro;
   const Vec3 dba = state.bias.accel - linearised_at.accel;
@@ -59,7 +61,8 @@ HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& sta
 }
 
 BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const NavState& state,
-                        const Preintegrated& motion, const ImuBias& linearised_at, const Projection& projection) {
+                        const Preintegrated& motion, const ImuBias& linearised_at,
+                        const Projection& projection) {
   BinResidual r;
   const auto a = to_camera(line.end_a(), state, motion, linearised_at, projection);
   const auto b = to_camera(line.end_b(), state, motion, linearised_at, projection);

@@ -1,6 +1,6 @@
-// A 3D line by its four degrees of freedom, seen from a fixed camera pose: each of two ends moves across the line in that
-// image and in inverse depth, never along the line. Projections are nearly linear in these numbers, however little is
-// known of the depth, and nothing happens at infinity.
+// A 3D line by its four degrees of freedom, seen from a fixed camera pose: each of two ends moves across the
+// line in that image and in inverse depth, never along the line. Projections are nearly linear in these
+// numbers, however little is known of the depth, and nothing happens at infinity.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,8 +28,8 @@ struct HomogeneousPoint {
   double w = 1;
 };
 
-/// Coordinates: [offset of a, inverse depth of a, offset of b, inverse depth of b], offsets in normalised coordinates,
-/// inverse depths in 1/m.
+/// Coordinates: [offset of a, inverse depth of a, offset of b, inverse depth of b], offsets in normalised
+/// coordinates, inverse depths in 1/m.
 struct AnchoredLine {
   LineAnchor anchor;
   Vec4 coordinates = Vec4(0, 1, 0, 1);
@@ -52,8 +52,9 @@ struct HomogeneousInCamera {
   Mat3 d_x_d_point;  ///< to HomogeneousPoint::x
   Vec3 d_x_d_w;
 };
-HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
-                              const ImuBias& linearised_at, const Projection& projection);
+HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& state,
+                              const Preintegrated& motion, const ImuBias& linearised_at,
+                              const Projection& projection);
 
 /// Distances [px] of two points of the image from the line at one time, with Jacobians.
 struct BinResidual {
@@ -63,6 +64,7 @@ struct BinResidual {
   bool valid = false;
 };
 BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const NavState& state,
-                        const Preintegrated& motion, const ImuBias& linearised_at, const Projection& projection);
+                        const Preintegrated& motion, const ImuBias& linearised_at,
+                        const Projection& projection);
 
 }  // namespace idol

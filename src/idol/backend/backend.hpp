@@ -13,8 +13,8 @@ namespace idol {
 /// Events of one line within some milliseconds as two points at one time (line_moments.hpp).
 struct LineBin {
   Vec2 a_px = Vec2::Zero(), b_px = Vec2::Zero();
-  int slot = 0;          ///< which of the window's bin times
-  int count = 0;         ///< events
+  int slot = 0;   ///< which of the window's bin times
+  int count = 0;  ///< events
 };
 
 /// What one window saw of one segment.
@@ -29,16 +29,16 @@ struct LineObservation {
 struct WindowMeasurement {
   std::shared_ptr<const Preintegration> imu;  ///< of [begin, end)
   std::vector<LineObservation> lines;
-  std::vector<Preintegrated> bin_motions;     ///< from the window's begin to each of its bin times
-  bool still = false;                         ///< at rest at its begin
+  std::vector<Preintegrated> bin_motions;  ///< from the window's begin to each of its bin times
+  bool still = false;                      ///< at rest at its begin
 };
 
 struct SolveStats {
-  int lines = 0;         ///< in the problem
-  int residuals = 0;     ///< scalar rows in the problem
+  int lines = 0;      ///< in the problem
+  int residuals = 0;  ///< scalar rows in the problem
   int iterations = 0;
   double cost = 0;
-  double rms_px = 0;     ///< of the newest window's events to their lines
+  double rms_px = 0;        ///< of the newest window's events to their lines
   double mean_track_s = 0;  ///< of the lines seen in the newest window
 };
 
@@ -50,7 +50,8 @@ class Backend {
 
   /// First state, at the begin of the first window.
   virtual void start(const NavState& first, bool still) = 0;
-  /// Appends a window: predicts the state at its end, files its observations. Windows follow each other in time.
+  /// Appends a window: predicts the state at its end, files its observations. Windows follow each other in
+  /// time.
   virtual void add(WindowMeasurement window) = 0;
   /// Optimises; then makes lines of the tracks that are ready, drops what does not fit.
   virtual SolveStats solve() = 0;

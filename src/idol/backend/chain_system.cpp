@@ -16,9 +16,11 @@ void lift(Matrix& H) {
 }  // namespace
 
 ChainSystem::ChainSystem(std::size_t states, Eigen::Index line_columns)
-    : diagonal(states, Mat15::Zero()), next(states, Mat15::Zero()),
+    : diagonal(states, Mat15::Zero()),
+      next(states, Mat15::Zero()),
       lines(states, Eigen::MatrixXd::Zero(kStateDim, line_columns)),
-      line_block(Eigen::MatrixXd::Zero(line_columns, line_columns)), state_gradient(states, Vec15::Zero()),
+      line_block(Eigen::MatrixXd::Zero(line_columns, line_columns)),
+      state_gradient(states, Vec15::Zero()),
       line_gradient(Eigen::VectorXd::Zero(line_columns)) {}
 
 // Lines come in the order of their first sight: columns that a state or those before it touch.

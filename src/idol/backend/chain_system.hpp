@@ -1,8 +1,8 @@
 // Normal equations of a chain of states and the lines they see: H x = -g with
 //   H = | T  B |   T block tridiagonal (15 x 15 blocks, one a state), B states x lines, C lines x lines.
 //       | B' C |
-// States are eliminated in order, each against its successor and the lines; what the first elimination leaves behind is
-// the marginal prior of a sliding window (Schur complement).
+// States are eliminated in order, each against its successor and the lines; what the first elimination leaves
+// behind is the marginal prior of a sliding window (Schur complement).
 #pragma once
 
 #include <Eigen/Core>
@@ -17,10 +17,10 @@ using Vec15 = Eigen::Matrix<double, kStateDim, 1>;
 struct ChainSystem {
   ChainSystem(std::size_t states, Eigen::Index line_columns);
 
-  std::vector<Mat15> diagonal;        ///< of T
-  std::vector<Mat15> next;            ///< T(i, i + 1)
-  std::vector<Eigen::MatrixXd> lines; ///< rows of B: 15 x line columns
-  Eigen::MatrixXd line_block;         ///< C
+  std::vector<Mat15> diagonal;         ///< of T
+  std::vector<Mat15> next;             ///< T(i, i + 1)
+  std::vector<Eigen::MatrixXd> lines;  ///< rows of B: 15 x line columns
+  Eigen::MatrixXd line_block;          ///< C
   std::vector<Vec15> state_gradient;
   Eigen::VectorXd line_gradient;
   double cost = 0;
@@ -29,7 +29,8 @@ struct ChainSystem {
     std::vector<Vec15> states;
     Eigen::VectorXd lines;
   };
-  /// Minimises the quadratic model with the diagonal raised by the share `damping`. Empty lists if H is not positive.
+  /// Minimises the quadratic model with the diagonal raised by the share `damping`. Empty lists if H is not
+  /// positive.
   [[nodiscard]] Step solve(double damping) const;
   /// Schur complement of the first state of a chain of two: order second state, lines. H and g.
   void eliminate_first(Eigen::MatrixXd& H, Eigen::VectorXd& g) const;
@@ -38,7 +39,8 @@ struct ChainSystem {
   [[nodiscard]] std::vector<Eigen::Index> widths() const;
 };
 
-/// Schur complement of the trailing `count` variables of a quadratic model. Its null directions, if any, stay out.
+/// Schur complement of the trailing `count` variables of a quadratic model. Its null directions, if any, stay
+/// out.
 void eliminate_last(Eigen::MatrixXd& H, Eigen::VectorXd& g, Eigen::Index count);
 
 }  // namespace idol

@@ -26,7 +26,8 @@ Eigen::Map<Eigen::Matrix<double, N, 1>> vector_at(double* data) {
   return Eigen::Map<Eigen::Matrix<double, N, 1>>(data);
 }
 
-// d q / d theta of q * Exp(theta) at theta = 0, q as [x y z w]: half of the product with each pure quaternion.
+// d q / d theta of q * Exp(theta) at theta = 0, q as [x y z w]: half of the product with each pure
+// quaternion.
 Eigen::Matrix<double, 4, 3> quaternion_plus_jacobian(const double* q) {
   const double x = q[0], y = q[1], z = q[2], w = q[3];
   Eigen::Matrix<double, 4, 3> J;
@@ -34,8 +35,8 @@ Eigen::Matrix<double, 4, 3> quaternion_plus_jacobian(const double* q) {
   return 0.5 * J;
 }
 
-// Jacobian by the ambient pose from that by the tangent: the plus Jacobian of a unit quaternion has orthogonal columns
-// of length 1/2, so four times its transpose is its inverse from the left.
+// Jacobian by the ambient pose from that by the tangent: the plus Jacobian of a unit quaternion has
+// orthogonal columns of length 1/2, so four times its transpose is its inverse from the left.
 template <class Derived>
 auto to_ambient(const Eigen::MatrixBase<Derived>& d_tangent, const double* pose) {
   constexpr int kRows = Derived::RowsAtCompileTime;
@@ -130,7 +131,8 @@ bool TiltManifold::MinusJacobian(const double* x, double* jacobian) const {
 
 namespace {
 
-constexpr double kNearestDepth = 0.01;  // [m]: ends nearer to, or behind, the anchor camera move as if they were here
+constexpr double kNearestDepth =
+    0.01;  // [m]: ends nearer to, or behind, the anchor camera move as if they were here
 
 // [x/z, y/z, 1/z] of a point in the camera, and its inverse.
 Vec3 to_inverse_depth(const Vec3& x) {
@@ -141,7 +143,8 @@ Vec3 from_inverse_depth(const Vec3& m) { return Vec3(m.x(), m.y(), 1) / m.z(); }
 
 Mat3 d_point_d_inverse_depth(const Vec3& m) {
   Mat3 J;
-  J << 1 / m.z(), 0, -m.x() / (m.z() * m.z()), 0, 1 / m.z(), -m.y() / (m.z() * m.z()), 0, 0, -1 / (m.z() * m.z());
+  J << 1 / m.z(), 0, -m.x() / (m.z() * m.z()), 0, 1 / m.z(), -m.y() / (m.z() * m.z()), 0, 0,
+      -1 / (m.z() * m.z());
   return J;
 }
 
@@ -198,8 +201,8 @@ Robustified huber(double r, double k) {
 
 class EventLineCost : public ceres::CostFunction {
  public:
-  EventLineCost(std::span<const EventMeasurement> events, const ImuBias& linearised_at, const Projection& projection,
-                const LineNoise& noise)
+  EventLineCost(std::span<const EventMeasurement> events, const ImuBias& linearised_at,
+                const Projection& projection, const LineNoise& noise)
       : events_(events), linearised_at_(linearised_at), projection_(projection), noise_(noise) {
     set_num_residuals(2 * static_cast<int>(events_.size()));
     *mutable_parameter_block_sizes() = {kPoseSize, kMotionSize, kLineSize};
@@ -216,8 +219,8 @@ class EventLineCost : public ceres::CostFunction {
       const LineResidual distance = event_to_line(event, a, b, projection_.camera);
       const LineResidual push = repulsion(event, a, b, projection_.camera);
       const auto robust = huber(distance.value / noise_.event_px, noise_.huber_sigmas);
-      write(2 * static_cast<Eigen::Index>(i), robust.value, robust.slope / noise_.event_px, distance, parameters[0],
-            residuals, jacobians);
+      write(2 * static_cast<Eigen::Index>(i), robust.value, robust.slope / noise_.event_px, distance,
+            parameters[0], residuals, jacobians);
       const double weight = 1 / noise_.repulsion_px;
       write(2 * static_cast<Eigen::Index>(i) + 1, push.value * weight, weight, push, parameters[0], residuals,
             jacobians);
@@ -231,7 +234,8 @@ class EventLineCost : public ceres::CostFunction {
     residuals[row] = value;
     if (jacobians == nullptr) return;
     if (jacobians[0] != nullptr)
-      jacobian_at<1, kPoseSize>(jacobians[0] + row * kPoseSize) = to_ambient(scale * r.d_state.head<6>(), pose);
+      jacobian_at<1, kPoseSize>(jacobians[0] + row * kPoseSize) =
+          to_ambient(scale * r.d_state.head<6>(), pose);
     if (jacobians[1] != nullptr)
       jacobian_at<1, kMotionSize>(jacobians[1] + row * kMotionSize) = scale * r.d_state.tail<9>();
     if (jacobians[2] != nullptr) jacobian_at<1, kLineSize>(jacobians[2] + row * kLineSize) = scale * r.d_line;
@@ -245,13 +249,15 @@ class EventLineCost : public ceres::CostFunction {
 
 class AttractionCost : public ceres::SizedCostFunction<1, kPoseSize, kMotionSize, kLineSize> {
  public:
-  AttractionCost(const Preintegrated& motion, const ImuBias& linearised_at, const Projection& projection, double sigma)
+  AttractionCost(const Preintegrated& motion, const ImuBias& linearised_at, const Projection& projection,
+                 double sigma)
       : motion_(motion), linearised_at_(linearised_at), projection_(projection), sigma_(sigma) {}
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const NavState state = from_parameters(parameters[0], parameters[1]);
     const auto a = to_camera(ConstVectorMap<3>(parameters[2]), state, motion_, linearised_at_, projection_);
-    const auto b = to_camera(ConstVectorMap<3>(parameters[2] + 3), state, motion_, linearised_at_, projection_);
+    const auto b =
+        to_camera(ConstVectorMap<3>(parameters[2] + 3), state, motion_, linearised_at_, projection_);
     const LineResidual r = attraction(a, b, projection_.camera);
     residuals[0] = r.value / sigma_;
     if (jacobians == nullptr) return true;
@@ -272,7 +278,10 @@ class AttractionCost : public ceres::SizedCostFunction<1, kPoseSize, kMotionSize
 class DepthPriorCost : public ceres::SizedCostFunction<3, kLineSize> {
  public:
   DepthPriorCost(const Pose& T_w_c, double depth, double sigma_log, double sigma_slant)
-      : origin_(T_w_c.p), axis_(T_w_c.q * Vec3::UnitZ()), log_depth_(std::log(depth)), sigma_(sigma_log),
+      : origin_(T_w_c.p),
+        axis_(T_w_c.q * Vec3::UnitZ()),
+        log_depth_(std::log(depth)),
+        sigma_(sigma_log),
         slant_(sigma_slant) {}
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
@@ -306,7 +315,8 @@ class DepthPriorCost : public ceres::SizedCostFunction<3, kLineSize> {
 
 class EndDampingCost : public ceres::SizedCostFunction<2, kLineSize> {
  public:
-  EndDampingCost(const LineEnds& now, double sigma) : now_(now), along_((now.b - now.a).normalized() / sigma) {}
+  EndDampingCost(const LineEnds& now, double sigma)
+      : now_(now), along_((now.b - now.a).normalized() / sigma) {}
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     residuals[0] = along_.dot(ConstVectorMap<3>(parameters[0]) - now_.a);
@@ -325,7 +335,8 @@ class EndDampingCost : public ceres::SizedCostFunction<2, kLineSize> {
 
 class ImuCost : public ceres::SizedCostFunction<9, kPoseSize, kMotionSize, kPoseSize, kMotionSize> {
  public:
-  ImuCost(const Preintegrated& motion, const Mat9& covariance, const ImuBias& linearised_at, const Vec3& gravity)
+  ImuCost(const Preintegrated& motion, const Mat9& covariance, const ImuBias& linearised_at,
+          const Vec3& gravity)
       : motion_(motion), linearised_at_(linearised_at), gravity_(gravity) {
     // covariance = L L^T, information = W^T W with W = L^-1.
     whitener_ = covariance.llt().matrixL().solve(Mat9::Identity());
@@ -363,9 +374,10 @@ class BiasWalkCost : public ceres::SizedCostFunction<6, kMotionSize, kMotionSize
   }
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const auto bias = [](const double* motion) { return ImuBias{ConstVectorMap<3>(motion + 3), ConstVectorMap<3>(motion + 6)}; };
-    vector_at<6>(residuals) =
-        weight_.cwiseProduct(bias_residual(bias(parameters[0]), bias(parameters[1])));
+    const auto bias = [](const double* motion) {
+      return ImuBias{ConstVectorMap<3>(motion + 3), ConstVectorMap<3>(motion + 6)};
+    };
+    vector_at<6>(residuals) = weight_.cwiseProduct(bias_residual(bias(parameters[0]), bias(parameters[1])));
     for (int k = 0; k < 2 && jacobians != nullptr; ++k) {
       if (jacobians[k] == nullptr) continue;
       JacobianMap<6, kMotionSize> J(jacobians[k]);
@@ -397,11 +409,13 @@ class MotionPriorCost : public ceres::SizedCostFunction<9, kMotionSize> {
 
 }  // namespace
 
-std::unique_ptr<ceres::CostFunction> event_line_cost(std::span<const EventMeasurement> events, const ImuBias& linearised_at,
+std::unique_ptr<ceres::CostFunction> event_line_cost(std::span<const EventMeasurement> events,
+                                                     const ImuBias& linearised_at,
                                                      const Projection& projection, const LineNoise& noise) {
   return std::make_unique<EventLineCost>(events, linearised_at, projection, noise);
 }
-std::unique_ptr<ceres::CostFunction> attraction_cost(const Preintegrated& motion, const ImuBias& linearised_at,
+std::unique_ptr<ceres::CostFunction> attraction_cost(const Preintegrated& motion,
+                                                     const ImuBias& linearised_at,
                                                      const Projection& projection, const LineNoise& noise) {
   return std::make_unique<AttractionCost>(motion, linearised_at, projection, noise.attraction);
 }

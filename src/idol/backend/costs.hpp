@@ -37,7 +37,8 @@ class PoseManifold : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-/// The gauge of the first pose: position fixed, rotation about the world's x and y axes only: Exp([d, 0]) * q.
+/// The gauge of the first pose: position fixed, rotation about the world's x and y axes only: Exp([d, 0]) *
+/// q.
 class TiltManifold : public ceres::Manifold {
  public:
   int AmbientSize() const override { return kPoseSize; }
@@ -48,8 +49,8 @@ class TiltManifold : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-/// Steps of a line's two ends in bearing and inverse depth seen from a fixed camera: projections are nearly linear in
-/// them, however little is known of the depth. The line itself stays two 3D points (paper eq. 2).
+/// Steps of a line's two ends in bearing and inverse depth seen from a fixed camera: projections are nearly
+/// linear in them, however little is known of the depth. The line itself stays two 3D points (paper eq. 2).
 class LineManifold : public ceres::Manifold {
  public:
   explicit LineManifold(const Pose& T_w_c) : T_w_c_(T_w_c) {}
@@ -65,26 +66,28 @@ class LineManifold : public ceres::Manifold {
 };
 
 struct LineNoise {
-  double event_px = 1.5;       ///< standard deviation of an event's distance
-  double huber_sigmas = 1.5;   ///< beyond: absolute instead of squared; 0 = squared throughout (the paper)
+  double event_px = 1.5;      ///< standard deviation of an event's distance
+  double huber_sigmas = 1.5;  ///< beyond: absolute instead of squared; 0 = squared throughout (the paper)
   double repulsion_px = 10;
-  double attraction = 10;      ///< [sqrt px]
+  double attraction = 10;  ///< [sqrt px]
 };
 
-/// Two rows an event: distance and repulsion (paper IV-A, IV-B). `events` must outlive the cost. Blocks: pose, motion,
-/// line.
-std::unique_ptr<ceres::CostFunction> event_line_cost(std::span<const EventMeasurement> events, const ImuBias& linearised_at,
+/// Two rows an event: distance and repulsion (paper IV-A, IV-B). `events` must outlive the cost. Blocks:
+/// pose, motion, line.
+std::unique_ptr<ceres::CostFunction> event_line_cost(std::span<const EventMeasurement> events,
+                                                     const ImuBias& linearised_at,
                                                      const Projection& projection, const LineNoise& noise);
 /// Attraction in the window that first saw the line (paper IV-B). Blocks: pose, motion, line.
-std::unique_ptr<ceres::CostFunction> attraction_cost(const Preintegrated& motion, const ImuBias& linearised_at,
+std::unique_ptr<ceres::CostFunction> attraction_cost(const Preintegrated& motion,
+                                                     const ImuBias& linearised_at,
                                                      const Projection& projection, const LineNoise& noise);
-/// Weak knowledge of a new line's depth: log depth of both ends about log `depth_m`, and equal depths, seen from a
-/// fixed camera pose. Block: line.
+/// Weak knowledge of a new line's depth: log depth of both ends about log `depth_m`, and equal depths, seen
+/// from a fixed camera pose. Block: line.
 std::unique_ptr<ceres::CostFunction> depth_prior_cost(const Pose& T_w_c, double depth_m, double sigma_log,
                                                       double sigma_slant);
-/// Keeps the ends from sliding along the line by more than about `sigma_m` in one solve. The attraction's residual is a
-/// square root, whose Gauss-Newton step runs to minus the line's length unless events oppose it; this vanishes at a
-/// fixed point, so it changes where solves begin and not where they end. Block: line.
+/// Keeps the ends from sliding along the line by more than about `sigma_m` in one solve. The attraction's
+/// residual is a square root, whose Gauss-Newton step runs to minus the line's length unless events oppose
+/// it; this vanishes at a fixed point, so it changes where solves begin and not where they end. Block: line.
 std::unique_ptr<ceres::CostFunction> end_damping_cost(const LineEnds& now, double sigma_m);
 /// Blocks: pose, motion of one window, pose, motion of the next. `covariance` of [p, R, v].
 std::unique_ptr<ceres::CostFunction> imu_cost(const Preintegrated& motion, const Mat9& covariance,

@@ -17,9 +17,11 @@ double percentile(std::vector<double> values, double share) {
 
 }  // namespace
 
-FixedLag::FixedLag(const Rig& rig, const BackendOptions& options) : Backend(rig, options.gravity), options_(options) {}
+FixedLag::FixedLag(const Rig& rig, const BackendOptions& options)
+    : Backend(rig, options.gravity), options_(options) {}
 
-// Position and yaw are the gauge: known. Tilt is loose, since at rest the IMU factors tie it to the accelerometer's bias.
+// Position and yaw are the gauge: known. Tilt is loose, since at rest the IMU factors tie it to the
+// accelerometer's bias.
 void FixedLag::start(const NavState& first, bool still) {
   constexpr double kGauge = 1e-4, kTilt = 0.1;
   states_ = {first};
@@ -68,8 +70,8 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   track.seen.push_back({window, std::move(seen.bins), seen.end_a, seen.end_b, false});
 }
 
-// A mapped line whose image is where the segment is: both ends within the gate, most of the segment inside the line's
-// extent, and no second line as near.
+// A mapped line whose image is where the segment is: both ends within the gate, most of the segment inside
+// the line's extent, and no second line as near.
 std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::size_t window) const {
   const NavState& state = states_[window];
   const ImuBias& bias = windows_[window].imu->bias();
@@ -206,17 +208,19 @@ void FixedLag::make_lines() {
         std::ssize(track.seen) >= options_.min_windows)
       track.mapped = triangulate(track);
   // Segments that ended before they could become lines.
-  std::erase_if(tracks_, [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
+  std::erase_if(tracks_,
+                [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
 }
 
-// A fit of the line alone, poses fixed, from several depths. Accepted once the bins agree on it and say how far it is:
-// the parallax must leave the line's own plane.
+// A fit of the line alone, poses fixed, from several depths. Accepted once the bins agree on it and say how
+// far it is: the parallax must leave the line's own plane.
 bool FixedLag::triangulate(Track& track) const {
   const Observation& newest = track.seen.back();
-  const NavState at = predict(states_[newest.window], newest.end_a.motion, windows_[newest.window].imu->bias(),
-                              projection_.gravity);
+  const NavState at = predict(states_[newest.window], newest.end_a.motion,
+                              windows_[newest.window].imu->bias(), projection_.gravity);
   AnchoredLine line;
-  line.anchor = LineAnchor::from_image(at.T_w_i * projection_.T_i_c, newest.end_a.px, newest.end_b.px, projection_.camera);
+  line.anchor = LineAnchor::from_image(at.T_w_i * projection_.T_i_c, newest.end_a.px, newest.end_b.px,
+                                       projection_.camera);
   const double typical = typical_depth();
   for (double factor : {1.0, 0.5, 2.0}) {
     line.coordinates = Vec4(0, 1 / (factor * typical), 0, 1 / (factor * typical));
@@ -269,8 +273,8 @@ double FixedLag::rms_px(const Track& track, const Observation& seen) const {
   return rows == 0 ? 1e6 : std::sqrt(sum / rows);
 }
 
-// Leaves out what does not fit. A line that keeps less than half of what it saw lately, or has gone to infinity or behind
-// the camera that made it, is dead.
+// Leaves out what does not fit. A line that keeps less than half of what it saw lately, or has gone to
+// infinity or behind the camera that made it, is dead.
 void FixedLag::cull() {
   for (auto& [id, track] : tracks_) {
     if (!track.mapped || track.dead || track.seen.empty()) continue;
@@ -287,15 +291,18 @@ void FixedLag::cull() {
 void FixedLag::measure_extents() {
   constexpr std::size_t kKept = 32;
   for (auto& [id, track] : tracks_) {
-    if (!track.mapped || track.dead || track.seen.empty() || track.seen.back().window + 1 != windows_.size()) continue;
+    if (!track.mapped || track.dead || track.seen.empty() || track.seen.back().window + 1 != windows_.size())
+      continue;
     const Observation& seen = track.seen.back();
     const LineEnds ends = track.line.ends();
     const Vec3 along = (ends.b - ends.a).normalized();
     double u[2];
     for (int k = 0; k < 2; ++k) {
       const EventMeasurement& end = k == 0 ? seen.end_a : seen.end_b;
-      const Pose T_w_c = predict(states_[seen.window], end.motion, windows_[seen.window].imu->bias(),
-                                 projection_.gravity).T_w_i * projection_.T_i_c;
+      const Pose T_w_c =
+          predict(states_[seen.window], end.motion, windows_[seen.window].imu->bias(), projection_.gravity)
+              .T_w_i *
+          projection_.T_i_c;
       const Vec2 m = projection_.camera.normalise(end.px);
       const Vec3 ray = (T_w_c.q * Vec3(m.x(), m.y(), 1)).normalized();
       // Point of the line nearest to the ray.
@@ -344,7 +351,8 @@ SolveStats FixedLag::newest_stats() const {
   int seen = 0;
   double squares = 0;
   for (const auto& [id, track] : tracks_) {
-    if (!track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size()) continue;
+    if (!track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size())
+      continue;
     ++seen;
     squares += std::pow(rms_px(track, track.seen.back()), 2);
     stats.mean_track_s += seconds_between(states_[track.first_window].t, states_.back().t);

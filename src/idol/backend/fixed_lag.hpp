@@ -1,5 +1,5 @@
-// The real-time estimator: states of the last second, minimal lines, compressed events, and everything older in a marginal
-// prior (docs/architecture.md). Lines out of sight stay in the prior and are found again.
+// The real-time estimator: states of the last second, minimal lines, compressed events, and everything older
+// in a marginal prior (docs/architecture.md). Lines out of sight stay in the prior and are found again.
 #pragma once
 
 #include <map>
@@ -42,7 +42,8 @@ class FixedLag : public Backend {
     int windows = 0;
     std::int64_t events = 0;
   };
-  // What is known from marginalised windows: cost = g.d + d.H.d / 2, d the change of [state, lines] from here.
+  // What is known from marginalised windows: cost = g.d + d.H.d / 2, d the change of [state, lines] from
+  // here.
   struct Prior {
     NavState state;
     std::vector<std::pair<LineId, Vec4>> lines;
@@ -51,7 +52,7 @@ class FixedLag : public Backend {
   };
   struct Inertial {  // of one window
     Preintegrated motion;
-    Mat9 weight;  // inverse covariance
+    Mat9 weight;                      // inverse covariance
     std::vector<Preintegrated> bins;  // to the bin times
   };
 

@@ -44,7 +44,8 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
   system.diagonal[0] += prior.H.topLeftCorner<kStateDim, kStateDim>();
   system.state_gradient[0] += g.head<kStateDim>();
   for (std::size_t k = 0; k < prior.lines.size(); ++k) {
-    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k), column = column_of(ids, prior.lines[k].first);
+    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k),
+                       column = column_of(ids, prior.lines[k].first);
     system.lines[0].middleCols<4>(column) += prior.H.block<kStateDim, 4>(0, row);
     system.line_gradient.segment<4>(column) += g.segment<4>(row);
     for (std::size_t j = 0; j < prior.lines.size(); ++j)
@@ -54,8 +55,9 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 }
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
-  return bin_to_line(bin.a_px, bin.b_px, line, states_[window], inertial_[window].bins[static_cast<std::size_t>(bin.slot)],
-                     windows_[window].imu->bias(), projection_);
+  return bin_to_line(bin.a_px, bin.b_px, line, states_[window],
+                     inertial_[window].bins[static_cast<std::size_t>(bin.slot)], windows_[window].imu->bias(),
+                     projection_);
 }
 
 // IMU, bias walk and rest between the states at `slot` and `slot + 1`.
@@ -97,8 +99,8 @@ double FixedLag::sigma_px(const LineBin& bin) const {
 }
 
 // Cauchy's loss on both rows of a bin together.
-void FixedLag::add_observation(ChainSystem& system, const Track& track, const Observation& seen, std::size_t slot,
-                               Eigen::Index column) const {
+void FixedLag::add_observation(ChainSystem& system, const Track& track, const Observation& seen,
+                               std::size_t slot, Eigen::Index column) const {
   const double scale = options_.bin_cauchy_sigmas * options_.bin_cauchy_sigmas;
   for (const LineBin& bin : seen.bins) {
     const BinResidual r = residual(bin, track.line, seen.window);
@@ -163,7 +165,8 @@ void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
     if (!active) resting.push_back(k);
     for (Eigen::Index i = 0; i < 4; ++i) {
       (active ? known : rest).push_back(kStateDim + 4 * static_cast<Eigen::Index>(k) + i);
-      if (active) moved.push_back((tracks_.at(prior_.lines[k].first).line.coordinates - prior_.lines[k].second)[i]);
+      if (active)
+        moved.push_back((tracks_.at(prior_.lines[k].first).line.coordinates - prior_.lines[k].second)[i]);
     }
   }
   if (resting.empty()) return;
@@ -194,8 +197,9 @@ void FixedLag::marginalise_oldest() {
   std::vector<LineId> ids;
   for (const auto& [id, at] : prior_.lines) ids.push_back(id);
   for (auto& [id, track] : tracks_)
-    if (track.mapped && !track.dead && !track.seen.empty() && track.seen.front().window == first_ &&
-        !track.seen.front().rejected)
+    if (track.mapped && !track.dead &&
+        std::any_of(track.seen.begin(), track.seen.end(),
+                    [&](const Observation& o) { return o.window == first_ && !o.rejected; }))
       ids.push_back(id);
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
@@ -205,8 +209,9 @@ void FixedLag::marginalise_oldest() {
   add_window(system, first_, 0);
   for (LineId id : ids) {
     const Track& track = tracks_.at(id);
-    if (!track.seen.empty() && track.seen.front().window == first_ && !track.seen.front().rejected)
-      add_observation(system, track, track.seen.front(), 0, column_of(ids, id));
+    for (const auto& seen : track.seen)
+      if (seen.window == first_ && !seen.rejected)
+        add_observation(system, track, seen, 0, column_of(ids, id));
   }
   system.eliminate_first(prior_.H, prior_.g);
   ++first_;
@@ -214,12 +219,14 @@ void FixedLag::marginalise_oldest() {
   prior_.lines.clear();
   for (LineId id : ids) prior_.lines.emplace_back(id, tracks_.at(id).line.coordinates);
   for (auto& [id, track] : tracks_) {
-    if (track.seen.empty() || track.seen.front().window >= first_) continue;
+    // In the order of windows; pieces of a line give it several observations in one.
+    const auto active = std::find_if(track.seen.begin(), track.seen.end(),
+                                     [&](const Observation& o) { return o.window >= first_; });
     if (keeps_past())
-      track.past.push_back(std::move(track.seen.front()));
+      std::move(track.seen.begin(), active, std::back_inserter(track.past));
     else
       track.past = {};
-    track.seen.erase(track.seen.begin());
+    track.seen.erase(track.seen.begin(), active);
   }
 }
 

@@ -1,6 +1,7 @@
 // Many events of one line in a short time, compressed without loss: for a line l = (n, c), |n| = 1,
-// sum_i (n.x_i + c)^2 = l^T S l with S = sum_i [x_i; 1][x_i; 1]^T. The centroid and the main axis of S give two points
-// whose squared distances, times half the number of events, add up to the same, apart from the events' own scatter.
+// sum_i (n.x_i + c)^2 = l^T S l with S = sum_i [x_i; 1][x_i; 1]^T. The centroid and the main axis of S give
+// two points whose squared distances, times half the number of events, add up to the same, apart from the
+// events' own scatter.
 #pragma once
 
 #include <span>

@@ -11,20 +11,22 @@ using Mat23 = Eigen::Matrix<double, 2, 3>;
 
 Mat23 projection_jacobian(const Vec3& x, const Camera& camera) {
   Mat23 J;
-  J << camera.fx / x.z(), 0, -camera.fx * x.x() / (x.z() * x.z()),
-       0, camera.fy / x.z(), -camera.fy * x.y() / (x.z() * x.z());
+  J << camera.fx / x.z(), 0, -camera.fx * x.x() / (x.z() * x.z()), 0, camera.fy / x.z(),
+      -camera.fy * x.y() / (x.z() * x.z());
   return J;
 }
 
 // d residual / d x_a and d x_b chained to state and line.
-void chain(const RowVec3& d_a, const RowVec3& d_b, const PointInCamera& a, const PointInCamera& b, LineResidual& r) {
+void chain(const RowVec3& d_a, const RowVec3& d_b, const PointInCamera& a, const PointInCamera& b,
+           LineResidual& r) {
   r.d_state.noalias() = d_a * a.d_x_d_state + d_b * b.d_x_d_state;
   r.d_line << d_a * a.d_x_d_point, d_b * b.d_x_d_point;
 }
 
 }  // namespace
 
-// With dR = dR0 Exp(J dbg), u = R^T (x_w - p - v dt - g dt^2 / 2): x_i = dR^T (u - dp), x_c = R_c_i x_i + p_c_i.
+// With dR = dR0 Exp(J dbg), u = R^T (x_w - p - v dt - g dt^2 / 2): x_i = dR^T (u - dp), x_c = R_c_i x_i +
+// p_c_i.
 PointInCamera to_camera(const Vec3& point_w, const NavState& state, const Preintegrated& motion,
                         const ImuBias& linearised_at, const Projection& projection) {
   const double dt = motion.dt;
@@ -34,7 +36,8 @@ PointInCamera to_camera(const Vec3& point_w, const NavState& state, const Preint
   const Mat3 R = state.T_w_i.q.toRotationMatrix();
   const Mat3 dR = motion.dR * so3_exp(correction);
   const Vec3 dp = motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba;
-  const Vec3 u = R.transpose() * (point_w - state.T_w_i.p - state.v_w * dt - 0.5 * dt * dt * projection.gravity);
+  const Vec3 u =
+      R.transpose() * (point_w - state.T_w_i.p - state.v_w * dt - 0.5 * dt * dt * projection.gravity);
   const Vec3 x_i = dR.transpose() * (u - dp);
   const Mat3 R_c_i = projection.T_i_c.q.conjugate().toRotationMatrix();
   const Mat3 R_c_0 = R_c_i * dR.transpose();
@@ -93,8 +96,8 @@ LineResidual repulsion(const EventMeasurement& event, const PointInCamera& a, co
     row_a = -along - d_pa;
     row_b = along - d_pb;
   }
-  chain(row_a.transpose() * projection_jacobian(a.x, camera), row_b.transpose() * projection_jacobian(b.x, camera), a,
-        b, r);
+  chain(row_a.transpose() * projection_jacobian(a.x, camera),
+        row_b.transpose() * projection_jacobian(b.x, camera), a, b, r);
   return r;
 }
 
@@ -107,8 +110,8 @@ LineResidual attraction(const PointInCamera& a, const PointInCamera& b, const Ca
   r.valid = true;
   r.value = std::sqrt(length);
   const Vec2 d_b = span / (2 * length * r.value);
-  chain(-d_b.transpose() * projection_jacobian(a.x, camera), d_b.transpose() * projection_jacobian(b.x, camera), a, b,
-        r);
+  chain(-d_b.transpose() * projection_jacobian(a.x, camera),
+        d_b.transpose() * projection_jacobian(b.x, camera), a, b, r);
   return r;
 }
 
@@ -138,7 +141,8 @@ ImuResidual imu_residual(const NavState& from, const NavState& to, const Preinte
   r.d_from.block<3, 3>(0, 12) = -motion.d_p_d_ba;
   r.d_to.block<3, 3>(0, 0) = Rt;
   r.d_from.block<3, 3>(3, 3) = -Jr_inv * R_to_from;
-  r.d_from.block<3, 3>(3, 9) = -Jr_inv * so3_exp(error).transpose() * right_jacobian(correction) * motion.d_R_d_bg;
+  r.d_from.block<3, 3>(3, 9) =
+      -Jr_inv * so3_exp(error).transpose() * right_jacobian(correction) * motion.d_R_d_bg;
   r.d_to.block<3, 3>(3, 3) = Jr_inv;
   r.d_from.block<3, 3>(6, 3) = hat(uv);
   r.d_from.block<3, 3>(6, 6) = -Rt;

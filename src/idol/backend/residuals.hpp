@@ -40,7 +40,8 @@ struct PointInCamera {
   Mat3 d_x_d_point = Mat3::Zero();
 };
 
-/// x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from paper eq. 4. `linearised_at`: biases of the preintegration.
+/// x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from paper eq. 4. `linearised_at`: biases of the
+/// preintegration.
 PointInCamera to_camera(const Vec3& point_w, const NavState& state, const Preintegrated& motion,
                         const ImuBias& linearised_at, const Projection& projection);
 
@@ -52,18 +53,19 @@ struct LineResidual {
   bool valid = false;
 };
 
-/// Signed distance of an event from the projected line [px] (paper IV-A). Written with the normal of the plane through
-/// the line and the camera's centre, n = x_a x x_b: equal to the paper's cross product in the image, and still
-/// right when an end is behind the camera. Invalid when the plane's normal vanishes.
+/// Signed distance of an event from the projected line [px] (paper IV-A). Written with the normal of the
+/// plane through the line and the camera's centre, n = x_a x x_b: equal to the paper's cross product in the
+/// image, and still right when an end is behind the camera. Invalid when the plane's normal vanishes.
 LineResidual event_to_line(const EventMeasurement& event, const PointInCamera& a, const PointInCamera& b,
                            const Camera& camera);
 
-/// Distance along the line by which an event lies beyond the nearer end [px], zero in between (paper IV-B). Zero and
-/// valid = false when an end is not in front of the camera.
+/// Distance along the line by which an event lies beyond the nearer end [px], zero in between (paper IV-B).
+/// Zero and valid = false when an end is not in front of the camera.
 LineResidual repulsion(const EventMeasurement& event, const PointInCamera& a, const PointInCamera& b,
                        const Camera& camera);
 
-/// Square root of the projected length [sqrt px] (paper IV-B). Invalid when an end is not in front of the camera.
+/// Square root of the projected length [sqrt px] (paper IV-B). Invalid when an end is not in front of the
+/// camera.
 LineResidual attraction(const PointInCamera& a, const PointInCamera& b, const Camera& camera);
 
 /// IMU residual [p, R, v] between two states (paper IV-C; order of rows as our tangent order), unwhitened.
@@ -74,7 +76,8 @@ struct ImuResidual {
 ImuResidual imu_residual(const NavState& from, const NavState& to, const Preintegrated& motion,
                          const ImuBias& linearised_at, const Vec3& gravity);
 
-/// Change of the biases [gyro, accelerometer] between two windows (paper IV-C), unwhitened; its Jacobians are -I and I.
+/// Change of the biases [gyro, accelerometer] between two windows (paper IV-C), unwhitened; its Jacobians are
+/// -I and I.
 Eigen::Matrix<double, 6, 1> bias_residual(const ImuBias& from, const ImuBias& to);
 
 }  // namespace idol

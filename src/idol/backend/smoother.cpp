@@ -334,8 +334,8 @@ SolveStats Smoother::newest_stats() const {
 }
 
 std::size_t Smoother::line_count() const {
-  return static_cast<std::size_t>(
-      std::count_if(tracks_.begin(), tracks_.end(), [](const auto& t) { return t.second.mapped && !t.second.dead; }));
+  return static_cast<std::size_t>(std::count_if(
+      tracks_.begin(), tracks_.end(), [](const auto& t) { return t.second.mapped && !t.second.dead; }));
 }
 
 std::vector<Line> Smoother::lines() const {

@@ -1,4 +1,5 @@
-// The estimator: states, lines and the problem over them. Full batch at first, then the last windows (paper VI).
+// The estimator: states, lines and the problem over them. Full batch at first, then the last windows (paper
+// VI).
 #pragma once
 
 #include <map>
@@ -36,7 +37,7 @@ class Smoother : public Backend {
     bool mapped = false;
     bool dead = false;
     LineEnds ends;
-    Pose T_w_c_first;      // camera when the depth prior was set
+    Pose T_w_c_first;  // camera when the depth prior was set
     double prior_depth = 0;
     std::vector<Observation> observations;
   };

@@ -14,7 +14,7 @@ namespace idol {
 
 struct WindowOptions {
   int max_events = 30000;
-  double max_duration_s = 0.1;
+  double max_duration_s = 0.05;
   double overlap = 0.25;
 
   template <class Self, class Visitor>

@@ -23,8 +23,9 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-constexpr double kImuTail = 0.05;          // [s]: events after the last IMU sample that nobody will miss
-constexpr double kShortestWindow = 0.005;  // [s]: what is left at the end of the data and shorter is not estimated
+constexpr double kImuTail = 0.05;  // [s]: events after the last IMU sample that nobody will miss
+constexpr double kShortestWindow =
+    0.005;  // [s]: what is left at the end of the data and shorter is not estimated
 
 std::unique_ptr<Backend> make_backend(const Rig& rig, const BackendOptions& options) {
   if (options.method == BackendMethod::kFixedLag) return std::make_unique<FixedLag>(rig, options);
@@ -41,8 +42,13 @@ void shorten(EventWindow& window, Time end) {
 }  // namespace
 
 Odometry::Odometry(const Rig& rig, const Options& options)
-    : rig_(rig), options_(options), undistort_(rig.camera), imu_(options.imu.max_gap_s), windower_(options.window),
-      segmenter_(options.segment, undistort_), smoother_(make_backend(rig, options.backend)) {}
+    : rig_(rig),
+      options_(options),
+      undistort_(rig.camera),
+      imu_(options.imu.max_gap_s),
+      windower_(options.window),
+      segmenter_(options.segment, undistort_),
+      smoother_(make_backend(rig, options.backend)) {}
 
 void Odometry::push(const ImuSample& sample) {
   imu_.push(sample);
@@ -67,15 +73,17 @@ void Odometry::finish() {
   if (started()) smoother_->finish();
 }
 
-// A window is taken up once the IMU covers it and the margin behind it, however the data were cut into packets.
+// A window is taken up once the IMU covers it and the margin behind it, however the data were cut into
+// packets.
 void Odometry::process_ready(bool last) {
   while (waiting_ || (waiting_ = windower_.pop())) {
     const EventWindow& window = *waiting_;
     if (imu_.empty()) {
       if (!last) return;
     } else if (window.begin < imu_.front_time() && !started_) {
-      diagnostics_.warn("events_before_imu", fmt::format("the IMU starts at {:.3f} s: earlier events are not used",
-                                                         static_cast<double>(imu_.front_time()) / kNsPerS));
+      diagnostics_.warn("events_before_imu",
+                        fmt::format("the IMU starts at {:.3f} s: earlier events are not used",
+                                    static_cast<double>(imu_.front_time()) / kNsPerS));
       waiting_.reset();
       continue;
     }
@@ -86,9 +94,10 @@ void Odometry::process_ready(bool last) {
         continue;
       }
       if (seconds_between(imu_.back_time(), window.end) > kImuTail)
-        diagnostics_.warn("imu_ends_early", fmt::format("the IMU ends at {:.3f} s, before the events: nothing is "
-                                                        "estimated after it",
-                                                        static_cast<double>(imu_.back_time()) / kNsPerS));
+        diagnostics_.warn("imu_ends_early",
+                          fmt::format("the IMU ends at {:.3f} s, before the events: nothing is "
+                                      "estimated after it",
+                                      static_cast<double>(imu_.back_time()) / kNsPerS));
       waiting_.reset();
       continue;
     }
@@ -101,7 +110,8 @@ void Odometry::process_ready(bool last) {
 bool Odometry::start(const EventWindow& window, bool last) {
   const Time until = window.begin + from_seconds(options_.start.duration_s);
   if (!imu_.covers(until) && !last) return false;
-  const ImuInit init = initialise_from_imu(imu_.slice(window.begin, until, 0), options_.backend.gravity, options_.start);
+  const ImuInit init =
+      initialise_from_imu(imu_.slice(window.begin, until, 0), options_.backend.gravity, options_.start);
   NavState first;
   first.t = window.begin;
   first.T_w_i.q = init.q_w_i;
@@ -111,9 +121,10 @@ bool Odometry::start(const EventWindow& window, bool last) {
   init_until_ = until;
   resting_ = init.still;
   if (!init.still)
-    diagnostics_.warn("moving_start", fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
-                                                  "spread {:.2f} m/s^2): the first seconds may be poor",
-                                                  init.gyro_std, init.accel_std));
+    diagnostics_.warn("moving_start",
+                      fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
+                                  "spread {:.2f} m/s^2): the first seconds may be poor",
+                                  init.gyro_std, init.accel_std));
   return true;
 }
 
@@ -121,12 +132,15 @@ void Odometry::process(const EventWindow& window) {
   Stopwatch watch;
   const NavState& from = smoother_->latest();
   WindowMeasurement measurement;
-  measurement.imu = std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
-                                                     window.begin, window.end, from.bias, rig_.imu, options_.imu);
+  measurement.imu =
+      std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
+                                       window.begin, window.end, from.bias, rig_.imu, options_.imu);
   if (const int saturated = measurement.imu->quality().saturated; saturated > 0)
-    diagnostics_.warn("imu_saturated", fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: their "
-                                                   "noise is inflated, accuracy suffers there",
-                                                   static_cast<double>(window.begin) / kNsPerS), saturated);
+    diagnostics_.warn("imu_saturated",
+                      fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: their "
+                                  "noise is inflated, accuracy suffers there",
+                                  static_cast<double>(window.begin) / kNsPerS),
+                      saturated);
   measurement.still = at_rest(window);
   double integrate_s = watch.lap();
   const SegmentedWindow segments = segmenter_.process(window);
@@ -142,11 +156,13 @@ void Odometry::process(const EventWindow& window) {
   const SolveStats stats = smoother_->solve();
   imu_.drop_before(window.end, 2 * options_.imu.margin_samples);
   if (listener_)
-    listener_({smoother_->latest(), window, segments, *smoother_, stats, segment_s, integrate_s, watch.lap()});
+    listener_(
+        {smoother_->latest(), window, segments, *smoother_, stats, segment_s, integrate_s, watch.lap()});
 }
 
-// A still start lasts until the camera sees clearly more than it did during the first attitude's span: at rest only
-// noise and tremor make events, and motion multiplies them long before the IMU tells it from its own noise.
+// A still start lasts until the camera sees clearly more than it did during the first attitude's span: at
+// rest only noise and tremor make events, and motion multiplies them long before the IMU tells it from its
+// own noise.
 bool Odometry::at_rest(const EventWindow& window) {
   constexpr double kMoreThanRest = 1.35;
   if (!resting_) return false;
@@ -179,7 +195,8 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
   std::vector<LineObservation> out;
   const auto measure = [&](const Vec2& px, Time t) { return EventMeasurement{px, imu.at(t)}; };
   for (const Segment* segment : chosen) {
-    // The repeated events belong to the window before; a segment with hardly any of its own is not seen in this one.
+    // The repeated events belong to the window before; a segment with hardly any of its own is not seen in
+    // this one.
     const auto own = std::lower_bound(segment->events.begin(), segment->events.end(),
                                       static_cast<std::uint32_t>(window.overlap));
     const auto count = static_cast<std::size_t>(segment->events.end() - own);
@@ -202,7 +219,8 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
 }
 
 // Spread evenly over the segment's time.
-std::vector<EventMeasurement> Odometry::choose_events(const EventWindow& window, std::span<const std::uint32_t> events,
+std::vector<EventMeasurement> Odometry::choose_events(const EventWindow& window,
+                                                      std::span<const std::uint32_t> events,
                                                       const Preintegration& imu) const {
   std::vector<EventMeasurement> out;
   const std::size_t count = events.size();
@@ -215,11 +233,13 @@ std::vector<EventMeasurement> Odometry::choose_events(const EventWindow& window,
 }
 
 int Odometry::bin_count(const EventWindow& window) const {
-  return std::max(1, static_cast<int>(std::lround(seconds_between(window.begin, window.end) / options_.backend.bin_s)));
+  return std::max(
+      1, static_cast<int>(std::lround(seconds_between(window.begin, window.end) / options_.backend.bin_s)));
 }
 
 // All events in bins of equal time, each moved across the line to its bin's middle as the segment moves.
-std::vector<LineBin> Odometry::compress_events(const EventWindow& window, std::span<const std::uint32_t> events,
+std::vector<LineBin> Odometry::compress_events(const EventWindow& window,
+                                               std::span<const std::uint32_t> events,
                                                const MovingLine& line) const {
   const double duration = seconds_between(window.begin, window.end);
   const int bins = bin_count(window);

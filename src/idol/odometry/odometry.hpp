@@ -64,7 +64,8 @@ class Odometry {
   [[nodiscard]] const Backend& smoother() const { return *smoother_; }
   /// True once a window has been estimated.
   [[nodiscard]] bool started() const { return started_ && smoother_->states().size() > 1; }
-  /// Newest estimate carried to `t` (IMU clock) by the samples present; nullopt before the start or outside the data.
+  /// Newest estimate carried to `t` (IMU clock) by the samples present; nullopt before the start or outside
+  /// the data.
   [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
   /// All oddities met so far.
   [[nodiscard]] Diagnostics diagnostics() const;
@@ -74,12 +75,14 @@ class Odometry {
   bool start(const EventWindow& window, bool last);
   void process(const EventWindow& window);
   bool at_rest(const EventWindow& window);
-  [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window, const SegmentedWindow& segments,
+  [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
+                                                     const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;
   [[nodiscard]] std::vector<EventMeasurement> choose_events(const EventWindow& window,
                                                             std::span<const std::uint32_t> events,
                                                             const Preintegration& imu) const;
-  [[nodiscard]] std::vector<LineBin> compress_events(const EventWindow& window, std::span<const std::uint32_t> events,
+  [[nodiscard]] std::vector<LineBin> compress_events(const EventWindow& window,
+                                                     std::span<const std::uint32_t> events,
                                                      const MovingLine& line) const;
   [[nodiscard]] int bin_count(const EventWindow& window) const;
 
@@ -92,9 +95,9 @@ class Odometry {
   std::unique_ptr<Backend> smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;
-  Time init_until_ = 0;      // the span whose IMU data gave the first attitude
-  bool resting_ = false;     // still at rest since the start
-  double rest_rate_ = 0;     // events per second while the start was still, mean over rest_windows_
+  Time init_until_ = 0;   // the span whose IMU data gave the first attitude
+  bool resting_ = false;  // still at rest since the start
+  double rest_rate_ = 0;  // events per second while the start was still, mean over rest_windows_
   int rest_windows_ = 0;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;

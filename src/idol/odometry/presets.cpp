@@ -1,0 +1,35 @@
+#include "idol/odometry/presets.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <array>
+
+namespace idol {
+namespace {
+
+constexpr std::array<std::string_view, 2> kNames{"realtime", "paper"};
+
+// Windows by number of events, Gaussian processes, every event a residual, two-point lines, batch.
+Options paper() {
+  Options options;
+  options.window.max_duration_s = 0.1;
+  options.imu.method = PreintegrationMethod::kGpm;
+  options.backend.method = BackendMethod::kBatch;
+  options.backend.min_windows = 4;
+  options.backend.max_iterations = 8;
+  options.backend.lag_windows = 30;
+  return options;
+}
+
+}  // namespace
+
+std::span<const std::string_view> preset_names() { return kNames; }
+
+Options preset(std::string_view name) {
+  if (name == kNames[0]) return {};
+  if (name == kNames[1]) return paper();
+  throw UsageError(fmt::format("--preset {}: unknown; there are: {}", name, fmt::join(kNames, ", ")));
+}
+
+}  // namespace idol
