@@ -87,9 +87,7 @@ void query_bulk(benchmark::State& state, PreintegrationMethod method) {
     benchmark::DoNotOptimize(out.data());
     benchmark::ClobberMemory();
   }
-  state.counters["per_query"] =
-      benchmark::Counter(static_cast<double>(times.size()),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.SetItemsProcessed(state.iterations() * std::ssize(times));
 }
 
 #define FOR_EACH_METHOD(function)                                            \

@@ -246,6 +246,22 @@ TEST(Preintegration, LostAndRepeatedSamplesCostLittle) {
   EXPECT_LT(e.position, 1e-6);
 }
 
+TEST(Preintegration, TheRateMayChange) {
+  const SineMotion motion{3.0};
+  const NavState begin = motion.state(1.0);
+  for (const auto& [before, after] : {std::pair(1000.0, 200.0), std::pair(200.0, 1000.0)}) {
+    auto samples = motion.readings(0.5, 1.25, before);
+    const auto more = motion.readings(1.25 + 1 / after, 2.0, after);
+    samples.insert(samples.end(), more.begin(), more.end());
+    const auto imu = integrate(samples, 1.0, 1.6);
+    EXPECT_EQ(imu.quality().merged, 0);
+    const Errors e = errors_of(imu.motion(from_seconds(1.6)), begin, motion.state(1.6));
+    EXPECT_LT(e.angle, 1e-8);
+    EXPECT_LT(e.velocity, 1e-7);
+    EXPECT_LT(e.position, 1e-7);
+  }
+}
+
 // The normalised error squared of honest covariances averages to its dimension, at samples and between them.
 TEST(Preintegration, CovarianceIsHonest) {
   const SineMotion motion{3.0};
@@ -282,6 +298,21 @@ TEST(Preintegration, GapInTheDataInflatesTheCovariance) {
   const Time t = from_seconds(0.9);
   EXPECT_GT(gapped.covariance(t).diagonal().minCoeff(), 100 * whole.covariance(t).diagonal().maxCoeff());
   EXPECT_TRUE(gapped.at(t).dp.allFinite());
+}
+
+TEST(Preintegration, AFewSamplesWillDo) {
+  for (const auto method : {kGpm, kLpm, kContinuous})
+    for (int count = 2; count < 12; ++count) {
+      std::vector<ImuSample> samples;
+      for (int k = 0; k < count; ++k) samples.push_back({from_seconds(0.01 * k), Vec3(1, 2, 3), Vec3(0, 0, 0.5)});
+      const double end = 0.01 * (count - 1);
+      const auto imu = integrate(samples, 0, end, {}, ImuNoise(), with(method));
+      const Preintegrated m = imu.at(from_seconds(end));
+      EXPECT_LT((so3_log(m.dR) - Vec3(0, 0, 0.5 * end)).norm(), 1e-9) << count;
+      EXPECT_TRUE(m.d_p_d_bg.allFinite());
+      EXPECT_TRUE(imu.covariance(from_seconds(end)).allFinite());
+      EXPECT_GT(imu.covariance(from_seconds(end)).diagonal().minCoeff(), 0);
+    }
 }
 
 TEST(Preintegration, GapsAreReported) {

@@ -133,7 +133,7 @@ int run_preintegration(const PreintegrateArguments& arguments) {
                                          [](const ImuSample& s, Time t) { return s.t < t; });
     const auto after = std::upper_bound(before, samples.end(), std::clamp(end, first, last),
                                         [](Time t, const ImuSample& s) { return t < s.t; });
-    const std::ptrdiff_t margin = 2 * options.margin_samples;
+    const std::ptrdiff_t margin = std::ptrdiff_t{2} * options.margin_samples;
     return std::span(before - std::min(margin, before - samples.begin()),
                      after + std::min(margin, samples.end() - after));
   };

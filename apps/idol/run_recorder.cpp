@@ -48,9 +48,8 @@ void RunRecorder::add(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
-  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end),
-                   e.window.events.size() - e.window.overlap, e.segments.segments.size(), e.stats,
-                   e.segment_s, e.integrate_s, e.solve_s});
+  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end), e.window.events.size() - e.window.overlap,
+                   e.segments.segments.size(), e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s});
   if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
 }
 
@@ -108,12 +107,11 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
 }
 
 void RunRecorder::write_windows() const {
-  std::string text =
-      "t,duration_s,events,segments,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
+  std::string text = "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
   for (const auto& r : rows_)
-    text += fmt::format("{},{:.6f},{},{},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t),
-                        r.duration_s, r.events, r.segments, r.stats.lines, r.stats.residuals,
-                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
+    text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t), r.duration_s,
+                        r.events, r.segments, r.speed_px_s, r.stats.lines, r.stats.residuals, r.stats.iterations, r.stats.cost,
+                        r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
   write_text_file(dir_ / "windows.csv", text);
 }
 

@@ -42,6 +42,7 @@ class RunRecorder {
     Time t = 0;
     double duration_s = 0;
     std::size_t events = 0, segments = 0;
+    double speed_px_s = 0;  // of the segments across themselves, median
     SolveStats stats;
     double segment_s = 0, integrate_s = 0, solve_s = 0;
   };

@@ -31,8 +31,9 @@ struct BackendOptions {
   int min_bin_events = 5;
   double bin_sigma_px = 1.0;
   double bin_cauchy_sigmas = 1;
-  double create_depth_sigma = 0.05;
+  double create_depth_sigma = 0.08;
   double create_rms_px = 1.0;
+  int few_lines = 8;
   double redetect_px = 2.5;
   int max_resting_lines = 60;
   double last_pass_s = 60;
@@ -83,6 +84,8 @@ struct BackendOptions {
     visit("create_depth_sigma", self.create_depth_sigma, Range{0.001, 1},
           "relative standard deviation of the inverse depth at which a segment becomes a line");
     visit("create_rms_px", self.create_rms_px, Range{0.1, 100}, "and the largest RMS of its bins then [px]");
+    visit("few_lines", self.few_lines, Range{0, 1000},
+          "with fewer lines in sight, segments of unknown depth become lines too");
     visit("redetect_px", self.redetect_px, Range{0, 20},
           "a segment this near to a known line's image is that line [px]");
     visit("max_resting_lines", self.max_resting_lines, Range{0, 1000},

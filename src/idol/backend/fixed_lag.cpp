@@ -243,62 +243,99 @@ double FixedLag::typical_depth() const {
 }
 
 void FixedLag::make_lines() {
-  for (auto& [id, track] : tracks_)
-    if (!track.mapped && !track.dead && !track.seen.empty() && track.last_window + 1 == windows_.size() &&
-        std::ssize(track.seen) >= options_.min_windows)
-      track.mapped = triangulate(track);
+  const bool few = std::ssize(active_lines()) < options_.few_lines;
+  for (auto& [id, track] : tracks_) {
+    if (track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size() ||
+        std::ssize(track.seen) < options_.min_windows)
+      continue;
+    track.mapped = triangulate(track) || (few && guess(id, track));
+  }
   // Segments that ended before they could become lines.
-  std::erase_if(tracks_,
-                [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
+  std::erase_if(tracks_, [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
 }
 
-// A fit of the line alone, poses fixed, from several depths. Accepted once the bins agree on it and say how
-// far it is: the parallax must leave the line's own plane.
-bool FixedLag::triangulate(Track& track) const {
-  const Observation& newest = track.seen.back();
-  const NavState at = predict(states_[newest.window], newest.end_a.motion,
-                              windows_[newest.window].imu->bias(), projection_.gravity);
+AnchoredLine FixedLag::new_line(const Observation& seen, double depth) const {
+  const NavState at =
+      predict(states_[seen.window], seen.end_a.motion, windows_[seen.window].imu->bias(), projection_.gravity);
   AnchoredLine line;
-  line.anchor = LineAnchor::from_image(at.T_w_i * projection_.T_i_c, newest.end_a.px, newest.end_b.px,
-                                       projection_.camera);
+  line.anchor = LineAnchor::from_image(at.T_w_i * projection_.T_i_c, seen.end_a.px, seen.end_b.px, projection_.camera);
+  line.coordinates = Vec4(0, 1 / depth, 0, 1 / depth);
+  return line;
+}
+
+// Gauss-Newton on the line alone, poses fixed, with `prior` information about its first coordinates. Returns the
+// information in the end; false if it cannot be solved.
+bool FixedLag::fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line, Eigen::Matrix4d& H,
+                   double& rms) const {
+  constexpr int kIterations = 6;
+  const Vec4 first = line.coordinates;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    H = prior;
+    Vec4 g = prior * (line.coordinates - first);
+    double squares = 0;
+    int rows = 0;
+    for (const auto& seen : track.seen)
+      for (const auto& bin : seen.bins) {
+        const BinResidual r = residual(bin, line, seen.window);
+        if (!r.valid) continue;
+        const double weight = 1 / std::pow(sigma_px(bin), 2);
+        H += weight * r.d_line.transpose() * r.d_line;
+        g += weight * r.d_line.transpose() * r.value;
+        squares += r.value.squaredNorm();
+        rows += 2;
+      }
+    rms = std::sqrt(squares / std::max(1, rows));
+    const Vec4 moved = line.coordinates + H.ldlt().solve(-g);
+    if (!moved.allFinite()) return false;
+    line.coordinates << moved[0], std::max(moved[1], 0.1 * line.coordinates[1]), moved[2],
+        std::max(moved[3], 0.1 * line.coordinates[3]);
+  }
+  return true;
+}
+
+// From several depths. Accepted once the bins agree on it and say how far it is: the parallax must leave the line's own
+// plane.
+bool FixedLag::triangulate(Track& track) const {
+  constexpr double kNearest = 0.1, kFarthest = 50;  // [m]
   const double typical = typical_depth();
   for (double factor : {1.0, 0.5, 2.0}) {
-    line.coordinates = Vec4(0, 1 / (factor * typical), 0, 1 / (factor * typical));
+    AnchoredLine line = new_line(track.seen.back(), factor * typical);
     Eigen::Matrix4d H;
-    double mean_square = 1e9;
-    for (int iteration = 0; iteration < 6; ++iteration) {
-      H.setZero();
-      Vec4 g = Vec4::Zero();
-      double squares = 0;
-      int rows = 0;
-      for (const auto& seen : track.seen)
-        for (const auto& bin : seen.bins) {
-          const BinResidual r = residual(bin, line, seen.window);
-          if (!r.valid) continue;
-          const double weight = 1 / std::pow(sigma_px(bin), 2);
-          H += weight * r.d_line.transpose() * r.d_line;
-          g += weight * r.d_line.transpose() * r.value;
-          squares += r.value.squaredNorm();
-          rows += 2;
-        }
-      mean_square = squares / std::max(1, rows);
-      const Vec4 step = H.ldlt().solve(-g);
-      if (!step.allFinite()) return false;
-      const Vec4 moved = line.coordinates + step;
-      line.coordinates << moved[0], std::max(moved[1], 0.1 * line.coordinates[1]), moved[2],
-          std::max(moved[3], 0.1 * line.coordinates[3]);
-    }
-    if (!(std::sqrt(mean_square) < options_.create_rms_px)) continue;
+    double rms = 0;
+    if (!fit(track, Eigen::Matrix4d::Zero(), line, H, rms) || !(rms < options_.create_rms_px)) continue;
     const Eigen::Matrix4d covariance = H.inverse();
     const double rho = 0.5 * (line.coordinates[1] + line.coordinates[3]);
-    const double sigma =
-        0.5 * std::sqrt(std::max(0.0, covariance(1, 1) + covariance(3, 3) + 2 * covariance(1, 3)));
-    if (!(rho > 0.02 && rho < 10 && sigma < options_.create_depth_sigma * rho)) continue;
+    const double sigma = 0.5 * std::sqrt(std::max(0.0, covariance(1, 1) + covariance(3, 3) + 2 * covariance(1, 3)));
+    if (!(rho > 1 / kFarthest && rho < 1 / kNearest && sigma < options_.create_depth_sigma * rho)) continue;
     if (line.coordinates[1] < 0.2 * rho || line.coordinates[3] < 0.2 * rho) continue;
     track.line = line;
     return true;
   }
   return false;
+}
+
+// While there is hardly a map, lines of unknown depth hold the rotation, and get their depth together with the velocity:
+// a weak prior about the typical depth goes into the marginal prior.
+bool FixedLag::guess(LineId id, Track& track) {
+  AnchoredLine line = new_line(track.seen.back(), typical_depth());
+  const Vec4 first = line.coordinates;
+  const double sigma = options_.depth_prior_log * first[1], slant = options_.slant_prior_log * first[1];
+  Eigen::Matrix4d prior = Eigen::Matrix4d::Zero();
+  prior(1, 1) = prior(3, 3) = 1 / (sigma * sigma) + 1 / (slant * slant);
+  prior(1, 3) = prior(3, 1) = -1 / (slant * slant);
+  Eigen::Matrix4d H;
+  double rms = 0;
+  if (!fit(track, prior, line, H, rms) || !(rms < 2 * options_.create_rms_px) || !line.finite()) return false;
+  track.line = line;
+  const Eigen::Index n = prior_.g.size();
+  prior_.H.conservativeResize(n + 4, n + 4);
+  prior_.H.rightCols<4>().setZero();
+  prior_.H.bottomRows<4>().setZero();
+  prior_.H.bottomRightCorner<4, 4>() = prior;
+  prior_.g.conservativeResize(n + 4);
+  prior_.g.tail<4>().setZero();
+  prior_.lines.emplace_back(id, first);
+  return true;
 }
 
 double FixedLag::rms_px(const Track& track, const Observation& seen) const {

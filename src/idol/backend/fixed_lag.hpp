@@ -58,7 +58,11 @@ class FixedLag : public Backend {
 
   void file(std::size_t window, LineObservation&& seen);
   void make_lines();
+  [[nodiscard]] AnchoredLine new_line(const Observation& seen, double depth) const;
+  [[nodiscard]] bool fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line, Eigen::Matrix4d& H,
+                         double& rms) const;
   [[nodiscard]] bool triangulate(Track& track) const;
+  [[nodiscard]] bool guess(LineId id, Track& track);
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
   [[nodiscard]] double typical_depth() const;
 

@@ -132,7 +132,7 @@ class Smoother::Problem {
       if (!attracted) {
         // The window that first saw the line, or the oldest one still active.
         attracted = true;
-        auto& ends = lines_.emplace_back(id, Eigen::Matrix<double, kLineSize, 1>()).second;
+        auto& ends = lines_.emplace_back(id, Eigen::Matrix<double, kLineSize, 1>::Zero()).second;
         ends << track.ends.a, track.ends.b;
         const auto manifold = line_manifolds_.try_emplace(id, track.T_w_c_first).first;
         problem_.AddParameterBlock(ends.data(), kLineSize, &manifold->second);

@@ -1,6 +1,7 @@
 #include "idol/frontend/segments.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -18,10 +19,11 @@ constexpr double kFastestScale = 0.001;
 constexpr double kSlowestScale = 0.025;
 constexpr double kFirstScale = 0.01;
 
-std::vector<SpacetimePoint> to_points(const EventWindow& window, const UndistortMap& undistort, double c) {
-  std::vector<SpacetimePoint> points(window.events.size());
+std::vector<SpacetimePoint> to_points(const EventWindow& window, std::span<const std::uint32_t> chosen,
+                                      const UndistortMap& undistort, double c) {
+  std::vector<SpacetimePoint> points(chosen.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Event& e = window.events[i];
+    const Event& e = window.events[chosen[i]];
     const Eigen::Vector2f& px = undistort(e.x, e.y);
     points[i] = {{px.x(), px.y(), static_cast<float>(seconds_between(window.begin, e.t) / c)}, e.x, e.y, e.polarity};
   }
@@ -101,7 +103,8 @@ Segmenter::Segmenter(const SegmentOptions& options, const UndistortMap& undistor
     : options_(options), undistort_(&undistort), c_(options.c_s_per_px > 0 ? options.c_s_per_px : kFirstScale) {}
 
 SegmentedWindow Segmenter::process(const EventWindow& window) {
-  const auto points = to_points(window, *undistort_, c_);
+  const auto chosen = choose(window);
+  const auto points = to_points(window, chosen, *undistort_, c_);
   const SpacetimeGrid grid(points, undistort_->width(), undistort_->height());
   const auto planes = estimate_normals(points, grid, static_cast<float>(options_.radius_px), options_.min_neighbours,
                                        static_cast<float>(options_.min_planarity), options_.same_polarity);
@@ -116,7 +119,9 @@ SegmentedWindow Segmenter::process(const EventWindow& window) {
     const auto clusters = grow(points, grid, planes, active, 1 - off, options_);
     active.assign(points.size(), false);
     for (const auto& cluster : clusters) {
-      if (auto segment = fit_segment(window, cluster, mean_normal(planes, cluster))) {
+      std::vector<std::uint32_t> members;
+      for (std::uint32_t i : cluster) members.push_back(chosen[i]);
+      if (auto segment = fit_segment(window, members, mean_normal(planes, cluster))) {
         out.segments.push_back(std::move(*segment));
       } else {
         for (std::uint32_t i : cluster) active[i] = true;
@@ -124,12 +129,65 @@ SegmentedWindow Segmenter::process(const EventWindow& window) {
     }
   }
   link(window, out.segments);
+  if (options_.cluster_events > 0) claim(window, out.segments);
   out.ids.assign(window.events.size(), kNoLine);
   for (const auto& segment : out.segments)
     for (std::uint32_t i : segment.events) out.ids[i] = segment.id;
   previous_ids_ = out.ids;
   adapt_scale(out.speed_px_s);
   return out;
+}
+
+std::vector<std::uint32_t> Segmenter::choose(const EventWindow& window) const {
+  const std::size_t n = window.events.size();
+  const auto cap = static_cast<std::size_t>(options_.cluster_events);
+  std::vector<std::uint32_t> out(cap == 0 ? n : std::min(n, cap));
+  for (std::size_t k = 0; k < out.size(); ++k) out[k] = static_cast<std::uint32_t>(k * n / out.size());
+  return out;
+}
+
+// Each event goes to the line it lies on at its own time: within the gate, inside the extent, and clearly nearer than
+// to any other. Lines are looked up by the tiles of the image that they sweep during the window.
+void Segmenter::claim(const EventWindow& window, std::vector<Segment>& segments) const {
+  constexpr int kTile = 16;
+  constexpr double kBeyondPx = 2, kClearly = 1.5;
+  const int columns = undistort_->width() / kTile + 1, rows = undistort_->height() / kTile + 1;
+  std::vector<std::vector<std::uint32_t>> tiles(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+  const double duration = seconds_between(window.begin, window.end);
+  const auto tile = [](double px, int count) { return std::clamp(static_cast<int>(px) / kTile, 0, count - 1); };
+  for (std::uint32_t k = 0; k < segments.size(); ++k) {
+    const MovingLine& line = segments[k].line;
+    Eigen::AlignedBox2d box;
+    for (double t : {0.0, 0.5 * duration, duration})
+      for (double u : {line.u_min - kBeyondPx, line.u_max + kBeyondPx}) box.extend(line.point(u, t));
+    // Undistorted positions beyond the image belong to the outermost tiles.
+    for (int y = tile(box.min().y() - options_.gate_px, rows); y <= tile(box.max().y() + options_.gate_px, rows); ++y)
+      for (int x = tile(box.min().x() - options_.gate_px, columns); x <= tile(box.max().x() + options_.gate_px, columns); ++x)
+        tiles[static_cast<std::size_t>(y * columns + x)].push_back(k);
+    segments[k].events.clear();
+  }
+  for (std::uint32_t i = 0; i < window.events.size(); ++i) {
+    const Event& e = window.events[i];
+    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+    const TimedPixel event(px.x(), px.y(), seconds_between(window.begin, e.t));
+    double nearest = options_.gate_px, second = 1e9;
+    Segment* best = nullptr;
+    for (std::uint32_t k : tiles[static_cast<std::size_t>(tile(px.y(), rows) * columns + tile(px.x(), columns))]) {
+      const MovingLine& line = segments[k].line;
+      const double u = line.along(event);
+      if (u < line.u_min - kBeyondPx || u > line.u_max + kBeyondPx) continue;
+      const double distance = std::abs(line.distance(event));
+      if (distance < nearest) {
+        if (best != nullptr) second = nearest;
+        nearest = distance;
+        best = &segments[k];
+      } else {
+        second = std::min(second, distance);
+      }
+    }
+    if (best != nullptr && second > kClearly * nearest) best->events.push_back(i);
+  }
+  std::erase_if(segments, [](const Segment& s) { return s.events.size() < 2; });
 }
 
 std::optional<Segment> Segmenter::fit_segment(const EventWindow& window, std::span<const std::uint32_t> cluster,

@@ -32,6 +32,7 @@ struct SegmentOptions {
   double max_bow_px = 0.8;
   double min_inliers = 0.7;
   double memory_s = 0.15;
+  int cluster_events = 6000;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -54,6 +55,9 @@ struct SegmentOptions {
     visit("min_inliers", self.min_inliers, Range{0, 1}, "share of a cluster's events that must lie on the line");
     visit("memory_s", self.memory_s, Range{0, 10},
           "a segment without links takes the id of a recent line that would now lie here; 0: links only (the paper) [s]");
+    visit("cluster_events", self.cluster_events, Range{0, 1e7},
+          "of a window with more events, this many are clustered, evenly spread, and then all events near the lines "
+          "found are given to them; 0: all events are clustered and what is not, is of no line (the paper)");
   }
 };
 
@@ -85,6 +89,8 @@ class Segmenter {
     Time last = 0;
   };
 
+  [[nodiscard]] std::vector<std::uint32_t> choose(const EventWindow& window) const;
+  void claim(const EventWindow& window, std::vector<Segment>& segments) const;
   [[nodiscard]] std::optional<Segment> fit_segment(const EventWindow& window, std::span<const std::uint32_t> cluster,
                                                    const Eigen::Vector2d& normal) const;
   void link(const EventWindow& window, std::vector<Segment>& segments);

@@ -10,8 +10,8 @@ namespace idol {
 
 struct ImuInitOptions {
   double duration_s = 0.8;
-  double still_gyro_std = 0.06;
-  double still_accel_std = 0.6;
+  double still_gyro_std = 0.03;
+  double still_accel_std = 0.4;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {

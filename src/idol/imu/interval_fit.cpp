@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <tuple>
 #include <utility>
 
 #include "idol/imu/gp.hpp"
@@ -110,9 +111,11 @@ FitPolynomial IntervalFit::operator()(std::size_t k, std::span<const Vec3> value
 // Newton's divided differences, multiplied out.
 FitPolynomial IntervalFit::through_neighbours(std::size_t k, std::span<const Vec3> values) const {
   const double length = times_[k + 1] - times_[k];
-  const double periods = length / period_;
-  const std::size_t wanted = periods < 2.5 ? kFitCoefficients : periods < 4.5 ? 4 : 2;
-  const auto [first, count] = neighbours(k, times_.size(), wanted);
+  auto [first, count] = neighbours(k, times_.size(), kFitCoefficients);
+  // How long the interval is beside the others of its fit: a rate that changes is no hole.
+  const double others = times_[first + count - 1] - times_[first] - length;
+  const double ratio = count > 2 ? length * static_cast<double>(count - 2) / others : 1;
+  if (ratio > 2.5) std::tie(first, count) = neighbours(k, times_.size(), ratio < 4.5 ? 4 : 2);
   std::array<double, kFitCoefficients> u;
   std::array<Vec3, kFitCoefficients> difference;
   for (std::size_t i = 0; i < count; ++i) {
@@ -151,9 +154,10 @@ FitWeights IntervalFit::regular_weights() const {
 }
 
 bool IntervalFit::regular(std::size_t first, std::size_t count) const {
-  constexpr double kTolerance = 0.005;  // of a period: what stamps in microseconds leave at 1 kHz and beyond
+  // What stamps rounded to microseconds leave: a rate hardly changes in that time.
+  const double tolerance = std::max(2.5e-6, 1e-3 * period_);
   for (std::size_t i = first; i + 1 < first + count; ++i)
-    if (std::abs(times_[i + 1] - times_[i] - period_) > kTolerance * period_) return false;
+    if (std::abs(times_[i + 1] - times_[i] - period_) > tolerance) return false;
   return true;
 }
 

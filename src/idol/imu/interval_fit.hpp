@@ -21,7 +21,7 @@ using FitPolynomial = Eigen::Matrix<double, kFitCoefficients, 3>;
 using FitWeights = Eigen::Matrix<double, kFitCoefficients, Eigen::Dynamic>;
 
 /// Most samples that shape one interval.
-constexpr std::size_t kMostFitSamples = 16;
+constexpr std::size_t kMostFitSamples = 24;
 
 /// Fits each interval of a sampled signal, in time that does not depend on the number of samples.
 /// - continuous: the polynomial through the eight samples around; fewer across holes, where a high degree

@@ -16,15 +16,15 @@ Motion operator*(const Motion& first, const Motion& second) {
 Preintegrated operator*(const Preintegrated& first, const Preintegrated& second) {
   Preintegrated out;
   static_cast<Motion&>(out) = static_cast<const Motion&>(first) * static_cast<const Motion&>(second);
-  const Mat3 R2t = second.dR.transpose();
+  const Mat3 R_2t = second.dR.transpose();
   const Mat3 V = first.dR * hat(second.dv), P = first.dR * hat(second.dp);
-  out.d_R_d_bg = R2t * first.d_R_d_bg + second.d_R_d_bg;
+  out.d_R_d_bg = R_2t * first.d_R_d_bg + second.d_R_d_bg;
   out.d_v_d_bg = first.d_v_d_bg + first.dR * second.d_v_d_bg - V * first.d_R_d_bg;
   out.d_v_d_ba = first.d_v_d_ba + first.dR * second.d_v_d_ba;
   out.d_p_d_bg =
       first.d_p_d_bg + second.dt * first.d_v_d_bg + first.dR * second.d_p_d_bg - P * first.d_R_d_bg;
   out.d_p_d_ba = first.d_p_d_ba + second.dt * first.d_v_d_ba + first.dR * second.d_p_d_ba;
-  out.d_R_d_shift = R2t * first.d_R_d_shift + second.d_R_d_shift;
+  out.d_R_d_shift = R_2t * first.d_R_d_shift + second.d_R_d_shift;
   out.d_v_d_shift = first.d_v_d_shift + first.dR * second.d_v_d_shift - V * first.d_R_d_shift;
   out.d_p_d_shift = first.d_p_d_shift + second.dt * first.d_v_d_shift + first.dR * second.d_p_d_shift -
                     P * first.d_R_d_shift;

@@ -76,9 +76,13 @@ Powers powers_of(double u) {
 }
 
 // Factors of the coefficients in the polynomial's first and second integral.
-const Powers kOnce = (Powers() << 1, 1. / 2, 1. / 3, 1. / 4, 1. / 5, 1. / 6, 1. / 7, 1. / 8).finished();
-const Powers kTwice =
-    (Powers() << 1. / 2, 1. / 6, 1. / 12, 1. / 20, 1. / 30, 1. / 42, 1. / 56, 1. / 72).finished();
+alignas(16) constexpr std::array<double, kFitCoefficients> kOnce = {1,      1. / 2, 1. / 3, 1. / 4,
+                                                                    1. / 5, 1. / 6, 1. / 7, 1. / 8};
+alignas(16) constexpr std::array<double, kFitCoefficients> kTwice = {1. / 2,  1. / 6,  1. / 12, 1. / 20,
+                                                                     1. / 30, 1. / 42, 1. / 56, 1. / 72};
+Powers scaled(const Powers& powers, const std::array<double, kFitCoefficients>& factors) {
+  return powers.cwiseProduct(Eigen::Map<const Powers, Eigen::Aligned16>(factors.data()));
+}
 
 Mat3 cross_columns(const Vec3& a, const Mat3& B) {
   Mat3 out;
@@ -167,8 +171,8 @@ void Preintegration::build_velocity(const PreparedSamples& samples) {
   const auto gain = [](const Interval& interval, double u) {
     const Powers powers = powers_of(u);
     const double h = interval.length;
-    return std::pair<Vec3, Vec3>(h * u * interval.accel.transpose() * powers.cwiseProduct(kOnce),
-                                 h * h * u * u * interval.accel.transpose() * powers.cwiseProduct(kTwice));
+    return std::pair<Vec3, Vec3>(h * u * interval.accel.transpose() * scaled(powers, kOnce),
+                                 h * h * u * u * interval.accel.transpose() * scaled(powers, kTwice));
   };
   Interval& first = intervals_[first_interval_];
   const auto [dv, dp] = gain(first, -first.s / first.length);
@@ -206,9 +210,8 @@ Motion Preintegration::evaluate(const Interval& interval, double s) {
   Motion out;
   out.dt = s;
   out.dR = interval.R * rotation(theta);
-  out.dv = interval.v + tau * (interval.accel.transpose() * powers.cwiseProduct(kOnce));
-  out.dp =
-      interval.p + tau * interval.v + tau * tau * (interval.accel.transpose() * powers.cwiseProduct(kTwice));
+  out.dv = interval.v + tau * (interval.accel.transpose() * scaled(powers, kOnce));
+  out.dp = interval.p + tau * interval.v + tau * tau * (interval.accel.transpose() * scaled(powers, kTwice));
   return out;
 }
 

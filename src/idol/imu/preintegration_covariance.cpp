@@ -31,14 +31,14 @@ Mat3 turned(const Mat3& R, const Vec3& variance) {
 // times it.
 void Preintegration::ErrorBlocks::carry(const Vec3& dv, const Vec3& dp, double h) {
   const Mat3 RV = VR.transpose(), RP = PR.transpose();
-  const Mat3 VR1 = VR - cross(dv, RR);
-  const Mat3 PR1 = PR + h * VR - cross(dp, RR);
-  const Mat3 PV1 = PV + h * VV - cross(dp, RV);  // new position, old velocity
-  PP += h * PV.transpose() - cross(dp, RP) + h * PV1 - cross_right(PR1, dp);
-  PV = PV1 - cross_right(PR1, dv);
-  VV -= cross(dv, RV) + cross_right(VR1, dv);
-  VR = VR1;
-  PR = PR1;
+  const Mat3 new_vr = VR - cross(dv, RR);
+  const Mat3 new_pr = PR + h * VR - cross(dp, RR);
+  const Mat3 half_new_pv = PV + h * VV - cross(dp, RV);  // new position, old velocity
+  PP += h * PV.transpose() - cross(dp, RP) + h * half_new_pv - cross_right(new_pr, dp);
+  PV = half_new_pv - cross_right(new_pr, dv);
+  VV -= cross(dv, RV) + cross_right(new_vr, dv);
+  VR = new_vr;
+  PR = new_pr;
 }
 
 // Noise of the covariances gyro and accel (in the frame of the window's begin): turns by c, bends velocity

@@ -28,14 +28,19 @@ double median_period(std::span<const ImuSample> samples) {
   return static_cast<double>(*middle) / kNsPerS;
 }
 
-// Differences of samples that nearly coincide would drown in their noise once divided by their distance.
+// Differences of samples that nearly coincide would drown in their noise once divided by their distance. Close means:
+// beside the usual distance, and beside the distances before and after (the rate may change).
 void merge_close(std::span<const ImuSample> samples, Time begin, PreparedSamples& out) {
-  constexpr double kClose = 0.25;  // periods
+  constexpr double kClose = 0.25;
+  const auto distance = [&](std::size_t i) {  // from sample i - 1 to i
+    return i == 0 || i >= samples.size() ? 0.0 : seconds_between(samples[i - 1].t, samples[i].t);
+  };
   int together = 0;
-  double last = 0;
-  for (const ImuSample& sample : samples) {
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const ImuSample& sample = samples[i];
     const double t = seconds_between(begin, sample.t);
-    if (together > 0 && t - last < kClose * out.period) {
+    const double beside = std::max(distance(i - 1), distance(i + 1));
+    if (i > 0 && distance(i) <= kClose * std::min(out.period, beside)) {
       ++together;
       ++out.quality.merged;
       out.times.back() += (t - out.times.back()) / together;
@@ -47,7 +52,6 @@ void merge_close(std::span<const ImuSample> samples, Time begin, PreparedSamples
       out.gyro.push_back(sample.gyro);
       out.accel.push_back(sample.accel);
     }
-    last = t;
   }
 }
 

@@ -152,11 +152,11 @@ void Odometry::process(const EventWindow& window) {
                                   "noise is inflated, accuracy suffers there",
                                   static_cast<double>(window.begin) / kNsPerS),
                       saturated);
-  measurement.still =
-      rest_.update(window, imu_.slice(window.begin, window.end, 0), from.bias, options_.backend.gravity);
   double integrate_s = watch.lap();
   const SegmentedWindow segments = segmenter_.process(window);
   const double segment_s = watch.lap();
+  measurement.still = rest_.update(window, segments.segments.size(), imu_.slice(window.begin, window.end, 0), from.bias,
+                                   options_.backend.gravity);
   measurement.lines = observe(window, segments, *measurement.imu);
   if (options_.backend.method == BackendMethod::kFixedLag)
     for (int k = 0, n = bin_count(window); k < n; ++k)

@@ -6,6 +6,7 @@ namespace idol {
 namespace {
 
 constexpr double kMoreThanRest = 1.35;    // event rate that ends a rest, by its own rate
+constexpr std::size_t kStraySegments = 2;  // that noise may form
 constexpr double kQuietBeforeRest = 0.3;  // [s]
 constexpr double kQuietRate = 0.03;       // [rad/s], mean angular rate of a window
 constexpr double kQuietForce = 0.15;      // [m/s^2], mean specific force beside gravity's
@@ -28,15 +29,17 @@ void RestDetector::begin(bool still, Time known_until) {
   known_until_ = known_until;
 }
 
-bool RestDetector::update(const EventWindow& window, std::span<const ImuSample> imu, const ImuBias& bias, double gravity) {
+bool RestDetector::update(const EventWindow& window, std::size_t segments, std::span<const ImuSample> imu,
+                          const ImuBias& bias, double gravity) {
   const double duration = seconds_between(window.begin, window.end);
   const double rate = static_cast<double>(window.events.size() - window.overlap) / duration;
-  if (resting_ && window.end <= known_until_) {
+  const bool shapeless = segments <= kStraySegments;
+  if (resting_ && shapeless && window.end <= known_until_) {
     ++rest_windows_;
     rest_rate_ += (rate - rest_rate_) / rest_windows_;
     return true;
   }
-  const bool few_events = rate <= (rest_windows_ > 0 ? kMoreThanRest * rest_rate_ : kDarkRate);
+  const bool few_events = shapeless && rate <= (rest_windows_ > 0 ? kMoreThanRest * rest_rate_ : kDarkRate);
   quiet_s_ = few_events && quiet(imu, bias, gravity) ? quiet_s_ + duration : 0;
   resting_ = few_events && (resting_ || quiet_s_ >= kQuietBeforeRest);
   return resting_;
