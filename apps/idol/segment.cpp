@@ -86,6 +86,7 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
 int segment(const SegmentArguments& arguments) {
   const Options options = arguments.options.resolve();
   install_interrupt_handler();
+  check_exists(arguments.sequence);
   Diagnostics diagnostics;
   const auto camera = find_camera(arguments.sequence, arguments.rig, &diagnostics);
   const bool calibrated = camera && camera->width > 0;
