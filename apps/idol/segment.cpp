@@ -67,8 +67,7 @@ class Pictures {
     if (folder_.empty()) return;
     std::error_code error;
     std::filesystem::create_directories(folder_, error);
-    if (error)
-      throw DataError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
+    if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
   }
 
   void add(const EventWindow& window, const SegmentedWindow& segments) {
