@@ -56,16 +56,19 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     if (factor.info() != Eigen::Success) return {};
     L[i] = factor.matrixL();
     const auto lower = L[i].triangularView<Eigen::Lower>();
-    to_lines[i] = lower.solve(B);
+    to_lines[i] = B;  // may have no columns: Eigen's products want at least one
     y[i] = lower.solve(g);
-    C.topLeftCorner(w, w).selfadjointView<Eigen::Lower>().rankUpdate(to_lines[i].transpose(), -1);
-    gl.head(w).noalias() -= to_lines[i].transpose() * y[i];
+    if (w > 0) {
+      lower.solveInPlace(to_lines[i]);
+      C.topLeftCorner(w, w).selfadjointView<Eigen::Lower>().rankUpdate(to_lines[i].transpose(), -1);
+      gl.head(w).noalias() -= to_lines[i].transpose() * y[i];
+    }
     if (i + 1 == n) break;
     to_next[i] = lower.solve(next[i]);
     D = diagonal[i + 1];
     D.noalias() -= to_next[i].transpose() * to_next[i];
     B = lines[i + 1].leftCols(width[i + 1]);
-    B.leftCols(w).noalias() -= to_next[i].transpose() * to_lines[i];
+    if (w > 0) B.leftCols(w).noalias() -= to_next[i].transpose() * to_lines[i];
     g = state_gradient[i + 1];
     g.noalias() -= to_next[i].transpose() * y[i];
   }
@@ -76,7 +79,8 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     step.lines = factor.solve(-gl);
   }
   for (std::size_t i = n; i-- > 0;) {
-    Vec15 right = -y[i] - to_lines[i] * step.lines.head(width[i]);
+    Vec15 right = -y[i];
+    if (width[i] > 0) right -= to_lines[i] * step.lines.head(width[i]);
     if (i + 1 < n) right -= to_next[i] * step.states[i + 1];
     step.states[i] = L[i].transpose().triangularView<Eigen::Upper>().solve(right);
   }
