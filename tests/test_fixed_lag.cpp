@@ -110,8 +110,8 @@ TEST(AnchoredLine, AgreesWithThePointsOfTheLine) {
   const Sight s = some_sight();
   const BinResidual r = evaluate(s, s.state, s.line);
   const LineEnds ends = s.line.ends();
-  const auto a = to_camera(ends.a, s.state, s.motion, s.linearised_at, s.projection);
-  const auto b = to_camera(ends.b, s.state, s.motion, s.linearised_at, s.projection);
+  const auto a = to_camera({ends.a}, s.state, s.motion, s.linearised_at, s.projection);
+  const auto b = to_camera({ends.b}, s.state, s.motion, s.linearised_at, s.projection);
   EXPECT_NEAR(r.value[0], event_to_line({s.a, s.motion}, a, b, s.projection.camera).value, 1e-9);
   EXPECT_NEAR(r.value[1], event_to_line({s.b, s.motion}, a, b, s.projection.camera).value, 1e-9);
 }

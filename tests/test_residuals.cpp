@@ -40,8 +40,10 @@ Scene random_scene(unsigned seed, const Vec2& px) {
   const Preintegration imu(samples, from_seconds(0.5), from_seconds(0.6), s.linearised_at, {}, {});
   s.event = {px, imu.at(from_seconds(0.54))};
   s.state = motion.state(0.5);
-  s.state.bias = {s.linearised_at.gyro + test::random_vec3(rng, 0.01), s.linearised_at.accel + test::random_vec3(rng, 0.1)};
-  const Pose T_w_c = predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity).T_w_i * s.projection.T_i_c;
+  s.state.bias = {s.linearised_at.gyro + test::random_vec3(rng, 0.01),
+                  s.linearised_at.accel + test::random_vec3(rng, 0.1)};
+  const Pose T_w_c =
+      predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity).T_w_i * s.projection.T_i_c;
   s.ends = {T_w_c * Vec3(-0.4, -0.2, 2.0), T_w_c * Vec3(0.5, 0.1, 2.5)};
   return s;
 }
@@ -50,8 +52,8 @@ using Row = std::function<LineResidual(const Scene&, const PointInCamera&, const
 
 void expect_line_jacobians(const Scene& scene, const Row& row, double tolerance) {
   const auto evaluate = [&](const NavState& state, const LineEnds& ends) {
-    const auto a = to_camera(ends.a, state, scene.event.motion, scene.linearised_at, scene.projection);
-    const auto b = to_camera(ends.b, state, scene.event.motion, scene.linearised_at, scene.projection);
+    const auto a = to_camera({ends.a}, state, scene.event.motion, scene.linearised_at, scene.projection);
+    const auto b = to_camera({ends.b}, state, scene.event.motion, scene.linearised_at, scene.projection);
     return row(scene, a, b);
   };
   const LineResidual r = evaluate(scene.state, scene.ends);
@@ -75,10 +77,13 @@ TEST(EventToLine, IsThePapersDistanceAndItsDerivative) {
   for (unsigned seed = 0; seed < 10; ++seed) {
     const Scene s = random_scene(seed, Vec2(120, 90));
     expect_line_jacobians(
-        s, [](const Scene& x, const auto& a, const auto& b) { return event_to_line(x.event, a, b, x.projection.camera); },
+        s,
+        [](const Scene& x, const auto& a, const auto& b) {
+          return event_to_line(x.event, a, b, x.projection.camera);
+        },
         1e-5);
-    const auto a = to_camera(s.ends.a, s.state, s.event.motion, s.linearised_at, s.projection);
-    const auto b = to_camera(s.ends.b, s.state, s.event.motion, s.linearised_at, s.projection);
+    const auto a = to_camera({s.ends.a}, s.state, s.event.motion, s.linearised_at, s.projection);
+    const auto b = to_camera({s.ends.b}, s.state, s.event.motion, s.linearised_at, s.projection);
     const Vec2 pa = s.projection.camera.project(a.x), pb = s.projection.camera.project(b.x);
     const Vec2 e = s.event.px - pa, l = pb - pa;
     const double papers = std::abs(e.x() * l.y() - e.y() * l.x()) / l.norm();
@@ -88,11 +93,13 @@ TEST(EventToLine, IsThePapersDistanceAndItsDerivative) {
 
 TEST(EventToLine, SurvivesAnEndBehindTheCameraAndRefusesADegenerateLine) {
   Scene s = random_scene(1, Vec2(120, 90));
-  const Pose T_w_c = predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity).T_w_i * s.projection.T_i_c;
+  const Pose T_w_c =
+      predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity).T_w_i * s.projection.T_i_c;
   const Vec3 front = T_w_c * Vec3(0.1, 0.0, 2.0), direction = T_w_c.q * Vec3(0.3, 0.2, -1);
   const auto value = [&](double length) {
-    const auto a = to_camera(front, s.state, s.event.motion, s.linearised_at, s.projection);
-    const auto b = to_camera(front + length * direction, s.state, s.event.motion, s.linearised_at, s.projection);
+    const auto a = to_camera({front}, s.state, s.event.motion, s.linearised_at, s.projection);
+    const auto b =
+        to_camera({front + length * direction}, s.state, s.event.motion, s.linearised_at, s.projection);
     return event_to_line(s.event, a, b, s.projection.camera);
   };
   EXPECT_NEAR(value(1).value, value(4).value, 1e-9);  // the same line, its end behind the camera
@@ -100,13 +107,16 @@ TEST(EventToLine, SurvivesAnEndBehindTheCameraAndRefusesADegenerateLine) {
 }
 
 TEST(Repulsion, DerivativesOnBothSidesAndZeroInside) {
-  const auto row = [](const Scene& x, const auto& a, const auto& b) { return repulsion(x.event, a, b, x.projection.camera); };
+  const auto row = [](const Scene& x, const auto& a, const auto& b) {
+    return repulsion(x.event, a, b, x.projection.camera);
+  };
   for (unsigned seed = 0; seed < 5; ++seed) {
-    for (const Vec2& px : {Vec2(20, 70), Vec2(230, 130)}) expect_line_jacobians(random_scene(seed, px), row, 2e-5);
+    for (const Vec2& px : {Vec2(20, 70), Vec2(230, 130)})
+      expect_line_jacobians(random_scene(seed, px), row, 2e-5);
   }
   const Scene s = random_scene(3, Vec2(130, 100));
-  const auto a = to_camera(s.ends.a, s.state, s.event.motion, s.linearised_at, s.projection);
-  const auto b = to_camera(s.ends.b, s.state, s.event.motion, s.linearised_at, s.projection);
+  const auto a = to_camera({s.ends.a}, s.state, s.event.motion, s.linearised_at, s.projection);
+  const auto b = to_camera({s.ends.b}, s.state, s.event.motion, s.linearised_at, s.projection);
   EXPECT_EQ(row(s, a, b).value, 0);
 }
 
@@ -114,7 +124,8 @@ TEST(Attraction, IsTheRootOfTheProjectedLength) {
   for (unsigned seed = 0; seed < 5; ++seed) {
     const Scene s = random_scene(seed, Vec2(120, 90));
     expect_line_jacobians(
-        s, [](const Scene& x, const auto& a, const auto& b) { return attraction(a, b, x.projection.camera); }, 1e-6);
+        s, [](const Scene& x, const auto& a, const auto& b) { return attraction(a, b, x.projection.camera); },
+        1e-6);
   }
 }
 
@@ -131,15 +142,19 @@ TEST(ImuResidual, IsZeroAtThePredictionAndDifferentiatesRight) {
   const auto value = [&](const NavState& a, const NavState& b) -> Eigen::VectorXd {
     return imu_residual(a, b, s.event.motion, s.linearised_at, g).value;
   };
-  test::expect_jacobian(r.d_from, test::numeric_jacobian([&](const auto& x) { return value(perturbed(s.state, x), to); }, 15), 1e-6);
-  test::expect_jacobian(r.d_to, test::numeric_jacobian([&](const auto& x) { return value(s.state, perturbed(to, x)); }, 15), 1e-6);
+  test::expect_jacobian(
+      r.d_from, test::numeric_jacobian([&](const auto& x) { return value(perturbed(s.state, x), to); }, 15),
+      1e-6);
+  test::expect_jacobian(
+      r.d_to, test::numeric_jacobian([&](const auto& x) { return value(s.state, perturbed(to, x)); }, 15),
+      1e-6);
 }
 
 // Position, yaw of the world: nothing the estimator measures may depend on them.
 TEST(Residuals, AreBlindToTheFourUnobservableDirections) {
   const Scene s = random_scene(4, Vec2(120, 90));
-  const auto a = to_camera(s.ends.a, s.state, s.event.motion, s.linearised_at, s.projection);
-  const auto b = to_camera(s.ends.b, s.state, s.event.motion, s.linearised_at, s.projection);
+  const auto a = to_camera({s.ends.a}, s.state, s.event.motion, s.linearised_at, s.projection);
+  const auto b = to_camera({s.ends.b}, s.state, s.event.motion, s.linearised_at, s.projection);
   const LineResidual line = event_to_line(s.event, a, b, s.projection.camera);
   const NavState next = predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity);
   const ImuResidual imu = imu_residual(s.state, next, s.event.motion, s.linearised_at, s.projection.gravity);
@@ -195,7 +210,8 @@ TEST(Costs, PassCeresGradientChecker) {
   const StateParameters to = to_parameters(next);
   Eigen::VectorXd ends(6);
   ends << s.ends.a, s.ends.b;
-  const std::vector<EventMeasurement> events = {s.event, {Vec2(120, 95), s.event.motion}, {Vec2(235, 140), s.event.motion}};
+  const std::vector<EventMeasurement> events = {
+      s.event, {Vec2(120, 95), s.event.motion}, {Vec2(235, 140), s.event.motion}};
   const LineNoise noise;
   for (const ceres::Manifold* manifold : {static_cast<const ceres::Manifold*>(&pose_manifold),
                                           static_cast<const ceres::Manifold*>(&tilt_manifold)}) {
@@ -203,14 +219,16 @@ TEST(Costs, PassCeresGradientChecker) {
                      {values(from.pose), values(from.motion), values(ends)}, {manifold, nullptr, nullptr});
     expect_gradients(*attraction_cost(s.event.motion, s.linearised_at, s.projection, noise),
                      {values(from.pose), values(from.motion), values(ends)}, {manifold, nullptr, nullptr});
-    expect_gradients(*imu_cost(s.event.motion, 1e-4 * Mat9::Identity(), s.linearised_at, s.projection.gravity),
-                     {values(from.pose), values(from.motion), values(to.pose), values(to.motion)},
-                     {manifold, nullptr, manifold, nullptr});
+    expect_gradients(
+        *imu_cost(s.event.motion, 1e-4 * Mat9::Identity(), s.linearised_at, s.projection.gravity),
+        {values(from.pose), values(from.motion), values(to.pose), values(to.motion)},
+        {manifold, nullptr, manifold, nullptr});
   }
   expect_gradients(*bias_walk_cost({}, 0.05), {values(from.motion), values(to.motion)}, {nullptr, nullptr});
   expect_gradients(*depth_prior_cost(s.state.T_w_i, 1.5, 1.0, 0.5), {values(ends)}, {nullptr});
-  expect_gradients(*motion_prior_cost(Eigen::Matrix<double, 9, 1>::Zero(), Eigen::Matrix<double, 9, 1>::Constant(0.1)),
-                   {values(from.motion)}, {nullptr});
+  expect_gradients(
+      *motion_prior_cost(Eigen::Matrix<double, 9, 1>::Zero(), Eigen::Matrix<double, 9, 1>::Constant(0.1)),
+      {values(from.motion)}, {nullptr});
 }
 
 TEST(Manifolds, PlusAndMinusAreInverse) {
@@ -231,7 +249,8 @@ TEST(Manifolds, PlusAndMinusAreInverse) {
   const double small[2] = {1e-4, -2e-4};
   tilt.Plus(x.pose.data(), small, y.data());
   EXPECT_EQ(y.head<3>(), x.pose.head<3>());
-  const Vec3 turn = quat_log(Quat(Eigen::Vector4d(y.tail<4>())) * Quat(Eigen::Vector4d(x.pose.tail<4>())).conjugate());
+  const Vec3 turn =
+      quat_log(Quat(Eigen::Vector4d(y.tail<4>())) * Quat(Eigen::Vector4d(x.pose.tail<4>())).conjugate());
   EXPECT_NEAR(turn.z(), 0, 1e-12);
 }
 

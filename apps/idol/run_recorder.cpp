@@ -9,6 +9,7 @@
 
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
+#include "picture_events.hpp"
 
 namespace idol::cli {
 namespace {
@@ -48,12 +49,13 @@ void RunRecorder::add(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
-  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end), e.window.events.size() - e.window.overlap,
-                   e.segments.segments.size(), e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s});
+  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end),
+                   e.window.events.size() - e.window.overlap, e.segments.segments.size(),
+                   e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s});
   if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
 }
 
-// Events of about three pixels of motion around the window's middle, and the lines where they were then.
+// Events around the window's middle, and the lines where they were then.
 void RunRecorder::take_snapshot(const Estimate& e) {
   if (snapshots_.size() == kMaxSnapshots) {
     // Keep every other one and go on at half the pace: evenly spread, however long the run.
@@ -65,12 +67,7 @@ void RunRecorder::take_snapshot(const Estimate& e) {
   Snapshot shot;
   shot.window = rows_.size() - 1;
   shot.t = (e.window.begin + e.window.end) / 2;
-  const Time half = from_seconds(1.5 * e.segments.c_s_per_px);
-  for (std::size_t i = e.window.overlap; i < e.window.events.size(); ++i) {
-    const Event& event = e.window.events[i];
-    if (std::abs(event.t - shot.t) <= half)
-      shot.events.push_back({undistort_(event.x, event.y), e.segments.ids[i], event.polarity});
-  }
+  shot.events = picture_events(e.window, e.segments, undistort_, shot.t);
   const Pose T_c_w = (e.smoother.state_at(shot.t).T_w_i * rig_.T_i_c).inverse();
   for (const Line& line : e.smoother.lines()) {
     if (line.last < e.window.end) continue;
@@ -107,11 +104,12 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
 }
 
 void RunRecorder::write_windows() const {
-  std::string text = "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
+  std::string text =
+      "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
   for (const auto& r : rows_)
-    text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t), r.duration_s,
-                        r.events, r.segments, r.speed_px_s, r.stats.lines, r.stats.residuals, r.stats.iterations, r.stats.cost,
-                        r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
+    text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t),
+                        r.duration_s, r.events, r.segments, r.speed_px_s, r.stats.lines, r.stats.residuals,
+                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
   write_text_file(dir_ / "windows.csv", text);
 }
 

@@ -13,6 +13,7 @@
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/picture.hpp"
+#include "picture_events.hpp"
 
 namespace idol::cli {
 namespace {
@@ -59,7 +60,7 @@ void write_labels(TextWriter& writer, const EventWindow& window, const Segmented
   writer.write({text.data(), text.size()});
 }
 
-// Pictures of some windows: events of about three pixels of motion around the middle, and the segments there.
+// Pictures of some windows: events around the middle, and the segments there.
 class Pictures {
  public:
   Pictures(std::filesystem::path folder, const UndistortMap& undistort)
@@ -75,13 +76,9 @@ class Pictures {
     constexpr int kMost = 200, kScale = 3;
     if (folder_.empty() || count_ == kMost || window.begin < next_) return;
     next_ = window.begin + from_seconds(kEvery);
-    const double middle = 0.5 * seconds_between(window.begin, window.end);
-    std::vector<PictureEvent> events;
-    for (std::size_t i = 0; i < window.events.size(); ++i) {
-      const Event& e = window.events[i];
-      if (std::abs(seconds_between(window.begin, e.t) - middle) <= 1.5 * segments.c_s_per_px)
-        events.push_back({undistort_(e.x, e.y), segments.ids[i], e.polarity});
-    }
+    const Time at = (window.begin + window.end) / 2;
+    const double middle = seconds_between(window.begin, at);
+    const auto events = picture_events(window, segments, undistort_, at);
     std::vector<PictureLine> lines;
     for (const Segment& s : segments.segments)
       lines.push_back({s.line.point(s.line.u_min, middle), s.line.point(s.line.u_max, middle), s.id});

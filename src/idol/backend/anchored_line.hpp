@@ -10,7 +10,6 @@
 namespace idol {
 
 using Vec4 = Eigen::Vector4d;
-using LineRow4 = Eigen::Matrix<double, 1, 4>;
 
 /// What of a line never changes: camera pose when it was made, and its image then.
 struct LineAnchor {
@@ -22,12 +21,6 @@ struct LineAnchor {
   static LineAnchor from_image(const Pose& T_w_c, const Vec2& a_px, const Vec2& b_px, const Camera& camera);
 };
 
-/// A point of projective space, x / w in the world; w = 0 is at infinity.
-struct HomogeneousPoint {
-  Vec3 x = Vec3::Zero();
-  double w = 1;
-};
-
 /// Coordinates: [offset of a, inverse depth of a, offset of b, inverse depth of b], offsets in normalised
 /// coordinates, inverse depths in 1/m.
 struct AnchoredLine {
@@ -36,6 +29,8 @@ struct AnchoredLine {
 
   [[nodiscard]] HomogeneousPoint end_a() const { return end(anchor.a, coordinates[0], coordinates[1]); }
   [[nodiscard]] HomogeneousPoint end_b() const { return end(anchor.b, coordinates[2], coordinates[3]); }
+  /// Adds `step` to the coordinates, but never through infinity: that would come back behind the camera.
+  void move(const Vec4& step);
   /// In front of the anchor camera and not farther than 1 km.
   [[nodiscard]] bool finite() const;
   /// The two ends in the world; only if finite().
@@ -44,17 +39,6 @@ struct AnchoredLine {
  private:
   [[nodiscard]] HomogeneousPoint end(const Vec2& m, double offset, double inverse_depth) const;
 };
-
-/// A homogeneous point in the camera at the time of `motion`, up to its scale: x = w x_c.
-struct HomogeneousInCamera {
-  Vec3 x = Vec3::Zero();
-  Eigen::Matrix<double, 3, 15> d_x_d_state;
-  Mat3 d_x_d_point;  ///< to HomogeneousPoint::x
-  Vec3 d_x_d_w;
-};
-HomogeneousInCamera to_camera(const HomogeneousPoint& point, const NavState& state,
-                              const Preintegrated& motion, const ImuBias& linearised_at,
-                              const Projection& projection);
 
 /// Distances [px] of two points of the image from the line at one time, with Jacobians.
 struct BinResidual {

@@ -127,7 +127,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
   double damping = kLeast;
   ChainSystem system = linearise(ids, prior);
   for (; stats.iterations < max_iterations; ++stats.iterations) {
-    const auto states = states_;
+    const std::vector<NavState> states(states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end());
     std::vector<Vec4> lines;
     for (LineId id : ids) lines.push_back(tracks_.at(id).line.coordinates);
     const auto step = system.solve(damping);
@@ -139,7 +139,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
       if (gain >= 0) system = std::move(moved);
     }
     if (!(gain >= 0)) {  // back, and more carefully
-      states_ = states;
+      std::copy(states.begin(), states.end(), states_.begin() + static_cast<std::ptrdiff_t>(first_));
       for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = lines[k];
       damping = std::max(1e-6, 30 * damping);
       if (damping > kMost) break;

@@ -38,6 +38,7 @@ class FixedLag : public Backend {
     std::vector<Observation> seen;  // in the active windows
     std::vector<Observation> past;  // before them, for the last pass
     std::vector<double> low, high;  // of recent observations' ends, along the line from the anchor's a [m]
+    double from = 0, to = 0;        // extent that these say
     std::size_t first_window = 0, last_window = 0;
     int windows = 0;
     std::int64_t events = 0;
@@ -59,8 +60,8 @@ class FixedLag : public Backend {
   void file(std::size_t window, LineObservation&& seen);
   void make_lines();
   [[nodiscard]] AnchoredLine new_line(const Observation& seen, double depth) const;
-  [[nodiscard]] bool fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line, Eigen::Matrix4d& H,
-                         double& rms) const;
+  [[nodiscard]] bool fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line,
+                         Eigen::Matrix4d& H, double& rms) const;
   [[nodiscard]] bool triangulate(Track& track) const;
   [[nodiscard]] bool guess(LineId id, Track& track);
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
@@ -97,8 +98,8 @@ class FixedLag : public Backend {
   std::map<LineId, Track> tracks_;
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
   Prior prior_, gauge_;
-  std::size_t dropped_ = 0;    // windows of which only the states are left
-  double blind_s_ = 0;         // how long no known line has been seen, in motion
+  std::size_t dropped_ = 0;  // windows of which only the states are left
+  double blind_s_ = 0;       // how long no known line has been seen, in motion
   int restarts_ = 0;
 };
 

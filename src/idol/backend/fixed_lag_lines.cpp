@@ -30,8 +30,8 @@ std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::siz
   for (const auto& [id, track] : tracks_) {
     if (!track.mapped || track.dead || !track.line.finite()) continue;
     const Line line = line_of(id, track);
-    const Vec3 a = to_camera(line.a, state, seen.end_a.motion, bias, projection_).x;
-    const Vec3 b = to_camera(line.b, state, seen.end_a.motion, bias, projection_).x;
+    const Vec3 a = to_camera({line.a}, state, seen.end_a.motion, bias, projection_).x;
+    const Vec3 b = to_camera({line.b}, state, seen.end_a.motion, bias, projection_).x;
     if (a.z() < 0.05 || b.z() < 0.05) continue;
     const Vec2 pa = projection_.camera.project(a), pb = projection_.camera.project(b);
     const double length = (pb - pa).norm();
@@ -111,10 +111,9 @@ bool FixedLag::fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLin
         rows += 2;
       }
     rms = std::sqrt(squares / std::max(1, rows));
-    const Vec4 moved = line.coordinates + H.ldlt().solve(-g);
-    if (!moved.allFinite()) return false;
-    line.coordinates << moved[0], std::max(moved[1], 0.1 * line.coordinates[1]), moved[2],
-        std::max(moved[3], 0.1 * line.coordinates[3]);
+    const Vec4 step = H.ldlt().solve(-g);
+    if (!step.allFinite()) return false;
+    line.move(step);
   }
   return true;
 }
@@ -194,6 +193,8 @@ void FixedLag::measure_extents() {
       track.low.erase(track.low.begin());
       track.high.erase(track.high.begin());
     }
+    track.from = percentile(track.low, 0.1);
+    track.to = percentile(track.high, 0.9);
   }
 }
 
@@ -202,8 +203,8 @@ Line FixedLag::line_of(LineId id, const Track& track) const {
   line.id = id;
   const LineEnds ends = track.line.ends();
   const Vec3 along = (ends.b - ends.a).normalized();
-  line.a = track.low.empty() ? ends.a : Vec3(ends.a + percentile(track.low, 0.1) * along);
-  line.b = track.high.empty() ? ends.b : Vec3(ends.a + percentile(track.high, 0.9) * along);
+  line.a = track.low.empty() ? ends.a : Vec3(ends.a + track.from * along);
+  line.b = track.high.empty() ? ends.b : Vec3(ends.a + track.to * along);
   line.first = states_[track.first_window].t;
   line.last = states_[track.last_window + 1].t;
   line.windows = track.windows;

@@ -184,12 +184,8 @@ void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
 
 void FixedLag::apply(const ChainSystem::Step& step, const std::vector<LineId>& ids) {
   for (std::size_t i = 0; i < step.states.size(); ++i) move(states_[first_ + i], step.states[i]);
-  for (std::size_t k = 0; k < ids.size(); ++k) {
-    Vec4& c = tracks_.at(ids[k]).line.coordinates;
-    const Vec4 moved = c + step.lines.segment<4>(4 * static_cast<Eigen::Index>(k));
-    // A step through infinity would come back behind the camera.
-    c << moved[0], std::max(moved[1], 0.1 * c[1]), moved[2], std::max(moved[3], 0.1 * c[3]);
-  }
+  for (std::size_t k = 0; k < ids.size(); ++k)
+    tracks_.at(ids[k]).line.move(step.lines.segment<4>(4 * static_cast<Eigen::Index>(k)));
 }
 
 // The oldest state and all that was seen from it become part of the prior.

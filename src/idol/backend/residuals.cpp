@@ -25,48 +25,69 @@ void chain(const RowVec3& d_a, const RowVec3& d_b, const PointInCamera& a, const
 
 }  // namespace
 
-// With dR = dR0 Exp(J dbg), u = R^T (x_w - p - v dt - g dt^2 / 2): x_i = dR^T (u - dp), x_c = R_c_i x_i +
-// p_c_i.
-PointInCamera to_camera(const Vec3& point_w, const NavState& state, const Preintegrated& motion,
+// With dR = dR0 Exp(J dbg), times w: u = R^T (x_w - w (p + v dt + g dt^2 / 2)), x_i = dR^T (u - w dp),
+// x_c = R_c_i (x_i - w p_i_c).
+PointInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
                         const ImuBias& linearised_at, const Projection& projection) {
-  const double dt = motion.dt;
+  const double dt = motion.dt, w = point.w;
   const Vec3 dbg = state.bias.gyro - linearised_at.gyro;
   const Vec3 dba = state.bias.accel - linearised_at.accel;
   const Vec3 correction = motion.d_R_d_bg * dbg;
   const Mat3 R = state.T_w_i.q.toRotationMatrix();
   const Mat3 dR = motion.dR * so3_exp(correction);
   const Vec3 dp = motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba;
-  const Vec3 u =
-      R.transpose() * (point_w - state.T_w_i.p - state.v_w * dt - 0.5 * dt * dt * projection.gravity);
-  const Vec3 x_i = dR.transpose() * (u - dp);
+  const Vec3 origin = state.T_w_i.p + state.v_w * dt + 0.5 * dt * dt * projection.gravity;
+  const Vec3 u = R.transpose() * (point.x - w * origin);
+  const Vec3 x_i = dR.transpose() * (u - w * dp);
   const Mat3 R_c_i = projection.T_i_c.q.conjugate().toRotationMatrix();
   const Mat3 R_c_0 = R_c_i * dR.transpose();
   const Mat3 R_c_w = R_c_0 * R.transpose();
 
   PointInCamera out;
-  out.x = R_c_i * (x_i - projection.T_i_c.p);
+  out.x = R_c_i * (x_i - w * projection.T_i_c.p);
   out.d_x_d_point = R_c_w;
-  out.d_x_d_state.block<3, 3>(0, 0) = -R_c_w;
+  out.d_x_d_w = -R_c_w * origin - R_c_0 * dp - R_c_i * projection.T_i_c.p;
+  out.d_x_d_state.block<3, 3>(0, 0) = -w * R_c_w;
   out.d_x_d_state.block<3, 3>(0, 3) = R_c_0 * hat(u);
-  out.d_x_d_state.block<3, 3>(0, 6) = -dt * R_c_w;
+  out.d_x_d_state.block<3, 3>(0, 6) = -w * dt * R_c_w;
   out.d_x_d_state.block<3, 3>(0, 9) =
-      R_c_i * hat(x_i) * right_jacobian(correction) * motion.d_R_d_bg - R_c_0 * motion.d_p_d_bg;
-  out.d_x_d_state.block<3, 3>(0, 12) = -R_c_0 * motion.d_p_d_ba;
+      R_c_i * hat(x_i) * right_jacobian(correction) * motion.d_R_d_bg - w * R_c_0 * motion.d_p_d_bg;
+  out.d_x_d_state.block<3, 3>(0, 12) = -w * R_c_0 * motion.d_p_d_ba;
+  return out;
+}
+
+std::optional<ImageLine> ImageLine::through(const Vec3& a, const Vec3& b, const Camera& camera) {
+  ImageLine line;
+  line.a_ = a;
+  line.b_ = b;
+  line.n_ = a.cross(b);
+  line.h_ = std::hypot(line.n_.x() / camera.fx, line.n_.y() / camera.fy);
+  if (!(line.h_ > 1e-9)) return std::nullopt;
+  line.d_h_ = {line.n_.x() / (camera.fx * camera.fx * line.h_),
+               line.n_.y() / (camera.fy * camera.fy * line.h_), 0};
+  line.camera_ = camera;
+  return line;
+}
+
+ImageLine::Distance ImageLine::distance(const Vec2& px) const {
+  const Vec2 m = camera_.normalise(px);
+  const Vec3 ray(m.x(), m.y(), 1);
+  Distance out;
+  out.value = n_.dot(ray) / h_;
+  const RowVec3 d_n = (ray - out.value * d_h_).transpose() / h_;
+  out.d_a = -d_n * hat(b_);
+  out.d_b = d_n * hat(a_);
   return out;
 }
 
 LineResidual event_to_line(const EventMeasurement& event, const PointInCamera& a, const PointInCamera& b,
                            const Camera& camera) {
   LineResidual r;
-  const Vec3 n = a.x.cross(b.x);
-  const double h = std::hypot(n.x() / camera.fx, n.y() / camera.fy);
-  if (!(h > 1e-9)) return r;
-  const Vec2 m = camera.normalise(event.px);
-  const Vec3 ray(m.x(), m.y(), 1);
-  r.value = n.dot(ray) / h;
-  const Vec3 d_h(n.x() / (camera.fx * camera.fx * h), n.y() / (camera.fy * camera.fy * h), 0);
-  const RowVec3 d_n = (ray - r.value * d_h).transpose() / h;
-  chain(-d_n * hat(b.x), d_n * hat(a.x), a, b, r);
+  const auto line = ImageLine::through(a.x, b.x, camera);
+  if (!line) return r;
+  const auto distance = line->distance(event.px);
+  r.value = distance.value;
+  chain(distance.d_a, distance.d_b, a, b, r);
   r.valid = true;
   return r;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "idol/base/camera.hpp"
 #include "idol/base/types.hpp"
@@ -33,17 +34,44 @@ struct Projection {
   Vec3 gravity = Vec3(0, 0, -9.81);  ///< [m/s^2]
 };
 
-/// A point of the world in the camera at an event's time, with Jacobians to state and point.
+/// A point of projective space, x / w in the world; w = 0 is at infinity.
+struct HomogeneousPoint {
+  Vec3 x = Vec3::Zero();
+  double w = 1;
+};
+
+/// A point in the camera at an event's time, up to its scale (w x_c), with Jacobians.
 struct PointInCamera {
   Vec3 x = Vec3::Zero();
   Eigen::Matrix<double, 3, 15> d_x_d_state = Eigen::Matrix<double, 3, 15>::Zero();
-  Mat3 d_x_d_point = Mat3::Zero();
+  Mat3 d_x_d_point = Mat3::Zero();  ///< to HomogeneousPoint::x
+  Vec3 d_x_d_w = Vec3::Zero();
 };
 
 /// x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from paper eq. 4. `linearised_at`: biases of the
 /// preintegration.
-PointInCamera to_camera(const Vec3& point_w, const NavState& state, const Preintegrated& motion,
+PointInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
                         const ImuBias& linearised_at, const Projection& projection);
+
+/// Image of the line through two points of the camera frame, by the plane through them and the camera's
+/// centre: its normal is x_a x x_b. Right also where an end is behind the camera.
+class ImageLine {
+ public:
+  /// nullopt when the normal vanishes.
+  static std::optional<ImageLine> through(const Vec3& a, const Vec3& b, const Camera& camera);
+
+  struct Distance {
+    double value = 0;  ///< signed [px]
+    RowVec3 d_a, d_b;  ///< to the two points
+  };
+  /// Of an undistorted pixel.
+  [[nodiscard]] Distance distance(const Vec2& px) const;
+
+ private:
+  Vec3 a_, b_, n_, d_h_;
+  double h_ = 0;  // length of the normal of the line in the image
+  Camera camera_;
+};
 
 /// One row: value [px], Jacobians.
 struct LineResidual {
@@ -53,9 +81,8 @@ struct LineResidual {
   bool valid = false;
 };
 
-/// Signed distance of an event from the projected line [px] (paper IV-A). Written with the normal of the
-/// plane through the line and the camera's centre, n = x_a x x_b: equal to the paper's cross product in the
-/// image, and still right when an end is behind the camera. Invalid when the plane's normal vanishes.
+/// Signed distance of an event from the projected line [px] (paper IV-A, ImageLine): equal to the paper's
+/// cross product in the image. Invalid when there is no image line.
 LineResidual event_to_line(const EventMeasurement& event, const PointInCamera& a, const PointInCamera& b,
                            const Camera& camera);
 
