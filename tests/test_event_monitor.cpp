@@ -35,11 +35,11 @@ TEST(EventMonitor, NothingToSayOfGoodEventsOrNone) {
 }
 
 TEST(EventMonitor, CountsSilencesAndHotPixelsHoweverTheEventsCome) {
-  std::vector<Event> events = spread(200000, 240, 180);
+  std::vector<Event> events = spread(300000, 240, 180);
   for (std::size_t i = 0; i < events.size(); i += 100) events[i].x = events[i].y = 77;
   for (std::size_t i = 150000; i < events.size(); ++i) events[i].t += 1'200'000'000;
   for (std::size_t i = 180000; i < events.size(); ++i) events[i].t += 1'000'000'000;
-  for (const std::size_t piece : {1, 999, 200000}) {
+  for (const std::size_t piece : {1, 999, 300000}) {
     Diagnostics diagnostics;
     watch(events, piece).report("rec", diagnostics);
     ASSERT_EQ(diagnostics.entries().size(), 2U);

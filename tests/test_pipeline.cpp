@@ -72,7 +72,7 @@ Errors judge(const std::vector<NavState>& states, const std::vector<NavState>& t
 
 class PipelineOf : public ::testing::TestWithParam<std::string_view> {};
 INSTANTIATE_TEST_SUITE_P(Presets, PipelineOf, ::testing::Values("realtime", "paper"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& tested) { return std::string(tested.param); });
 
 TEST_P(PipelineOf, FindsTheTrajectoryOfASyntheticScene) {
   const Rig rig = davis_rig();

@@ -187,7 +187,7 @@ TEST(Report, EvaluationFileIsShownInsteadOfItsOwn) {
   write_run(dir);
   dir.write("evaluation.json", R"({"matched": 3, "protocols": {"full": {"mpe_percent": 1.25}}})");
   const Json data = report_of(dir);
-  ASSERT_EQ(data["evaluations"].size(), 1U);
+  ASSERT_EQ(data["evaluations"].size(), 2U);  // and the causal one, computed
   EXPECT_EQ(data["evaluations"][0]["data"]["protocols"]["full"]["mpe_percent"], 1.25);
 }
 

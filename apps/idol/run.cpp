@@ -170,6 +170,7 @@ int run(const RunArguments& arguments) {
   RunRecorder::Summary summary;
   summary.sequence = arguments.sequence.string();
   summary.preset = arguments.options.preset;
+  check_exists(arguments.sequence);
   const Rig rig = load_rig(arguments.sequence, arguments.rig, arguments.imu_rig, &summary.diagnostics);
   ReaderOptions reading;
   reading.width = rig.camera.width;

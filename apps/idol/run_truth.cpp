@@ -7,6 +7,7 @@
 
 #include "idol/eval/evaluation_output.hpp"
 #include "idol/io/reader.hpp"
+#include "idol/io/sequence_files.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 
@@ -50,8 +51,9 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const std
   try {
     evaluation = evaluate(estimate, *truth, {});
   } catch (const DataError& e) {
-    diagnostics.warn("bad_groundtruth", fmt::format("ground truth of {}: {}; the run is not compared with it",
-                                                    sequence.string(), e.what()));
+    const auto file = find_stream_files(sequence_folder(sequence), "groundtruth.txt")[0];
+    diagnostics.warn("bad_groundtruth",
+                     fmt::format("{}: {}; the run is not compared with it", file.string(), e.what()));
     return {};
   }
   write_trajectory(out / "groundtruth_camera.txt", part_of(*truth, estimate.front().t, estimate.back().t));

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <limits>
 #include <memory>
 
 #include "arguments.hpp"
@@ -11,12 +12,13 @@
 #include "idol/io/sensor_size.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
+#include "idol/report/picture.hpp"
 
 namespace idol::cli {
 namespace {
 
 struct SegmentArguments {
-  std::filesystem::path sequence, out, rig;
+  std::filesystem::path sequence, out, rig, pictures;
   OptionArguments options;
   SpanArguments span;
 };
@@ -57,14 +59,54 @@ void write_labels(TextWriter& writer, const EventWindow& window, const Segmented
   writer.write({text.data(), text.size()});
 }
 
+// Pictures of some windows: events of about three pixels of motion around the middle, and the segments there.
+class Pictures {
+ public:
+  Pictures(std::filesystem::path folder, const UndistortMap& undistort)
+      : folder_(std::move(folder)), undistort_(undistort) {
+    if (folder_.empty()) return;
+    std::error_code error;
+    std::filesystem::create_directories(folder_, error);
+    if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
+  }
+
+  void add(const EventWindow& window, const SegmentedWindow& segments) {
+    constexpr double kEvery = 0.1;  // [s]
+    constexpr int kMost = 200, kScale = 3;
+    if (folder_.empty() || count_ == kMost || window.begin < next_) return;
+    next_ = window.begin + from_seconds(kEvery);
+    const double middle = 0.5 * seconds_between(window.begin, window.end);
+    std::vector<PictureEvent> events;
+    for (std::size_t i = 0; i < window.events.size(); ++i) {
+      const Event& e = window.events[i];
+      if (std::abs(seconds_between(window.begin, e.t) - middle) <= 1.5 * segments.c_s_per_px)
+        events.push_back({undistort_(e.x, e.y), segments.ids[i], e.polarity});
+    }
+    std::vector<PictureLine> lines;
+    for (const Segment& s : segments.segments)
+      lines.push_back({s.line.point(s.line.u_min, middle), s.line.point(s.line.u_max, middle), s.id});
+    write_png(folder_ / fmt::format("segments_{:03}_{}.png", count_++, format_stamp(window.begin)),
+              draw_event_picture(undistort_.width(), undistort_.height(), events, lines, kScale));
+  }
+
+ private:
+  std::filesystem::path folder_;
+  const UndistortMap& undistort_;
+  Time next_ = std::numeric_limits<Time>::min();
+  int count_ = 0;
+};
+
 // Segments all that can be read; returns the reason if that is not all.
 std::string label_events(const SegmentArguments& arguments, const Options& options, Reader& reader,
                          const UndistortMap& undistort, EventMonitor& monitor) {
   TextWriter writer(arguments.out);
   Windower windower(options.window);
   Segmenter segmenter(options.segment, undistort);
+  Pictures pictures(arguments.pictures, undistort);
   const auto process = [&](const EventWindow& window) {
-    write_labels(writer, window, segmenter.process(window));
+    const SegmentedWindow segments = segmenter.process(window);
+    write_labels(writer, window, segments);
+    pictures.add(window, segments);
   };
   std::string failure;
   try {
@@ -86,6 +128,7 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
 int segment(const SegmentArguments& arguments) {
   const Options options = arguments.options.resolve();
   install_interrupt_handler();
+  check_exists(arguments.sequence);
   Diagnostics diagnostics;
   const auto camera = find_camera(arguments.sequence, arguments.rig, &diagnostics);
   const bool calibrated = camera && camera->width > 0;
@@ -119,6 +162,7 @@ void add_segment(CLI::App& app, Action& action) {
   command->add_option("--out", arguments->out, "text file: t x y p segment_id, -1 for none")->required();
   command->add_option("--rig", arguments->rig,
                       "camera calibration, to straighten lines (found in the folder if there)");
+  command->add_option("--pictures", arguments->pictures, "folder for pictures of the segments, ten a second");
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   command->callback([&action, arguments] { action = [arguments] { return segment(*arguments); }; });

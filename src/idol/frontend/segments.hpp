@@ -43,7 +43,7 @@ struct SegmentOptions {
   double max_bow_px = 0.8;
   double min_inliers = 0.7;
   double memory_s = 0.15;
-  int cluster_events = 6000;
+  int cluster_events = 12000;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {

@@ -21,6 +21,14 @@ LineReader::LineReader(const std::filesystem::path& path)
 
 std::string LineReader::where() const { return fmt::format("{}:{}", name_, line_number_); }
 
+std::size_t LineReader::read_bytes(char* out, std::size_t size) {
+  try {
+    return bytes_->read(out, size);
+  } catch (const DataError& e) {
+    throw DataError(fmt::format("{} (read up to line {})", e.what(), line_number_));
+  }
+}
+
 bool LineReader::refill_and_next(std::string_view& line) {
   std::size_t kept = static_cast<std::size_t>(end_ - begin_);
   std::memmove(buffer_.data(), begin_, kept);
@@ -31,7 +39,7 @@ bool LineReader::refill_and_next(std::string_view& line) {
       throw DataError(fmt::format("{}:{}: a line of more than {} kB: this is not a text recording", name_,
                                   line_number_ + 1, kBufferBytes / 1024));
     }
-    const std::size_t count = bytes_->read(buffer_.data() + kept, kBufferBytes - kept);
+    const std::size_t count = read_bytes(buffer_.data() + kept, kBufferBytes - kept);
     if (count == 0) break;
     const char* fresh = buffer_.data() + kept;
     kept += count;

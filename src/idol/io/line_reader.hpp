@@ -40,6 +40,7 @@ class LineReader {
 
  private:
   bool refill_and_next(std::string_view& line);
+  std::size_t read_bytes(char* out, std::size_t size);
   void take(const char* end, std::string_view& line) {
     const char* last = end;
     if (last != begin_ && last[-1] == '\r') --last;

@@ -38,11 +38,15 @@ void refuse_other_formats(const fs::path& path) {
 
 }  // namespace
 
-std::unique_ptr<Reader> open_reader(const fs::path& path, const ReaderOptions& options) {
+void check_exists(const fs::path& path) {
   std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) throw DataError(fmt::format("{}: no such file or folder", path.string()));
-  if (!fs::is_directory(status)) refuse_other_formats(path);
+  if (!fs::exists(path, error))
+    throw DataError(fmt::format("{}: no such file or folder; give a recording's folder", path.string()));
+}
+
+std::unique_ptr<Reader> open_reader(const fs::path& path, const ReaderOptions& options) {
+  check_exists(path);
+  if (!fs::is_directory(path)) refuse_other_formats(path);
   return std::make_unique<TextReader>(path, options);
 }
 

@@ -45,6 +45,9 @@ class Reader {
   [[nodiscard]] virtual const Diagnostics& diagnostics() const = 0;
 };
 
+/// Throws DataError unless there is a file or folder at `path`.
+void check_exists(const std::filesystem::path& path);
+
 /// Opens a recording, whatever its format (by content). Throws DataError.
 std::unique_ptr<Reader> open_reader(const std::filesystem::path& path, const ReaderOptions& options);
 

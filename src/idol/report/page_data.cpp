@@ -175,13 +175,12 @@ Json evaluation_of(const Trajectory& estimate, const Trajectory& groundtruth) {
 Json evaluations_json(const RunFolder& run, std::vector<std::string>& notes) {
   Json out = Json::array();
   Json given = parsed(run.evaluation_json, "evaluation.json", notes);
-  if (!given.is_null()) {
-    out.push_back({{"title", "As found in evaluation.json"}, {"data", given}});
-    return out;
-  }
+  if (!given.is_null())
+    out.push_back({{"title", "Smoothed trajectory (evaluation.json)"}, {"data", given}});
   for (const auto& [title, trajectory] :
        {std::pair{"Smoothed trajectory", &run.camera}, std::pair{"Causal trajectory", &run.camera_causal}}) {
     if (trajectory->empty() || run.groundtruth.empty()) continue;
+    if (trajectory == &run.camera && !given.is_null()) continue;
     try {
       out.push_back({{"title", title}, {"data", evaluation_of(*trajectory, run.groundtruth)}});
     } catch (const DataError& e) {
