@@ -14,7 +14,8 @@
 namespace idol {
 namespace {
 
-// Bounds of the temporal scale: 1 ms/px (1000 px/s) to 25 ms/px (40 px/s); its value before anything is measured.
+// Bounds of the temporal scale: 1 ms/px (1000 px/s) to 25 ms/px (40 px/s); its value before anything is
+// measured.
 constexpr double kFastestScale = 0.001;
 constexpr double kSlowestScale = 0.025;
 constexpr double kFirstScale = 0.01;
@@ -25,12 +26,14 @@ std::vector<SpacetimePoint> to_points(const EventWindow& window, std::span<const
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Event& e = window.events[chosen[i]];
     const Eigen::Vector2f& px = undistort(e.x, e.y);
-    points[i] = {{px.x(), px.y(), static_cast<float>(seconds_between(window.begin, e.t) / c)}, e.x, e.y, e.polarity};
+    points[i] = {
+        {px.x(), px.y(), static_cast<float>(seconds_between(window.begin, e.t) / c)}, e.x, e.y, e.polarity};
   }
   return points;
 }
 
-// Disjoint sets with the smallest member as representative: the result does not depend on the order of unions.
+// Disjoint sets with the smallest member as representative: the result does not depend on the order of
+// unions.
 class UnionFind {
  public:
   explicit UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0U); }
@@ -48,11 +51,12 @@ class UnionFind {
   std::vector<std::uint32_t> parent_;
 };
 
-// Region growing among the points marked `active`: neighbours with |n_i.n_j| > n_thr, each within e_thr of the other's
-// line (paper V). Clusters of at least min_events, by their first point; members in time order.
-std::vector<std::vector<std::uint32_t>> grow(std::span<const SpacetimePoint> points, const SpacetimeGrid& grid,
-                                             std::span<const LocalPlane> planes, const std::vector<bool>& active,
-                                             double normal_threshold, const SegmentOptions& options) {
+// Region growing among the points marked `active`: neighbours with |n_i.n_j| > n_thr, each within e_thr of
+// the other's line (paper V). Clusters of at least min_events, by their first point; members in time order.
+std::vector<std::vector<std::uint32_t>> grow(std::span<const SpacetimePoint> points,
+                                             const SpacetimeGrid& grid, std::span<const LocalPlane> planes,
+                                             const std::vector<bool>& active, double normal_threshold,
+                                             const SegmentOptions& options) {
   UnionFind sets(points.size());
   const auto radius = static_cast<float>(options.radius_px);
   const auto n_thr = static_cast<float>(normal_threshold);
@@ -65,7 +69,8 @@ std::vector<std::vector<std::uint32_t>> grow(std::span<const SpacetimePoint> poi
       if (options.same_polarity && points[i].polarity != points[j].polarity) return;
       if (std::abs(planes[i].normal_xy.dot(planes[j].normal_xy)) < n_thr) return;
       const Eigen::Vector2f d = (points[j].x - points[i].x).head<2>();
-      if (std::abs(planes[i].normal_xy.dot(d)) < e_thr && std::abs(planes[j].normal_xy.dot(d)) < e_thr) sets.unite(i, j);
+      if (std::abs(planes[i].normal_xy.dot(d)) < e_thr && std::abs(planes[j].normal_xy.dot(d)) < e_thr)
+        sets.unite(i, j);
     });
   }
   std::map<std::uint32_t, std::vector<std::uint32_t>> members;
@@ -100,14 +105,21 @@ double median_speed(std::span<const LocalPlane> planes, double c) {
 }  // namespace
 
 Segmenter::Segmenter(const SegmentOptions& options, const UndistortMap& undistort)
-    : options_(options), undistort_(&undistort), c_(options.c_s_per_px > 0 ? options.c_s_per_px : kFirstScale) {}
+    : options_(options),
+      undistort_(&undistort),
+      c_(options.c_s_per_px > 0 ? options.c_s_per_px : kFirstScale) {
+  if (options.method == SegmentMethod::kTrack)
+    tracker_ = std::make_unique<LineTracker>(options.track, undistort);
+}
 
 SegmentedWindow Segmenter::process(const EventWindow& window) {
+  if (tracker_) return process_tracks(window);
   const auto chosen = choose(window);
   const auto points = to_points(window, chosen, *undistort_, c_);
   const SpacetimeGrid grid(points, undistort_->width(), undistort_->height());
-  const auto planes = estimate_normals(points, grid, static_cast<float>(options_.radius_px), options_.min_neighbours,
-                                       static_cast<float>(options_.min_planarity), options_.same_polarity);
+  const auto planes =
+      estimate_normals(points, grid, static_cast<float>(options_.radius_px), options_.min_neighbours,
+                       static_cast<float>(options_.min_planarity), options_.same_polarity);
   SegmentedWindow out;
   out.c_s_per_px = c_;
   out.speed_px_s = median_speed(planes, c_);
@@ -146,23 +158,28 @@ std::vector<std::uint32_t> Segmenter::choose(const EventWindow& window) const {
   return out;
 }
 
-// Each event goes to the line it lies on at its own time: within the gate, inside the extent, and clearly nearer than
-// to any other. Lines are looked up by the tiles of the image that they sweep during the window.
+// Each event goes to the line it lies on at its own time: within the gate, inside the extent, and clearly
+// nearer than to any other. Lines are looked up by the tiles of the image that they sweep during the window.
 void Segmenter::claim(const EventWindow& window, std::vector<Segment>& segments) const {
   constexpr int kTile = 16;
   constexpr double kBeyondPx = 2, kClearly = 1.5;
   const int columns = undistort_->width() / kTile + 1, rows = undistort_->height() / kTile + 1;
-  std::vector<std::vector<std::uint32_t>> tiles(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+  std::vector<std::vector<std::uint32_t>> tiles(static_cast<std::size_t>(columns) *
+                                                static_cast<std::size_t>(rows));
   const double duration = seconds_between(window.begin, window.end);
-  const auto tile = [](double px, int count) { return std::clamp(static_cast<int>(px) / kTile, 0, count - 1); };
+  const auto tile = [](double px, int count) {
+    return std::clamp(static_cast<int>(px) / kTile, 0, count - 1);
+  };
   for (std::uint32_t k = 0; k < segments.size(); ++k) {
     const MovingLine& line = segments[k].line;
     Eigen::AlignedBox2d box;
     for (double t : {0.0, 0.5 * duration, duration})
       for (double u : {line.u_min - kBeyondPx, line.u_max + kBeyondPx}) box.extend(line.point(u, t));
     // Undistorted positions beyond the image belong to the outermost tiles.
-    for (int y = tile(box.min().y() - options_.gate_px, rows); y <= tile(box.max().y() + options_.gate_px, rows); ++y)
-      for (int x = tile(box.min().x() - options_.gate_px, columns); x <= tile(box.max().x() + options_.gate_px, columns); ++x)
+    for (int y = tile(box.min().y() - options_.gate_px, rows);
+         y <= tile(box.max().y() + options_.gate_px, rows); ++y)
+      for (int x = tile(box.min().x() - options_.gate_px, columns);
+           x <= tile(box.max().x() + options_.gate_px, columns); ++x)
         tiles[static_cast<std::size_t>(y * columns + x)].push_back(k);
     segments[k].events.clear();
   }
@@ -172,7 +189,8 @@ void Segmenter::claim(const EventWindow& window, std::vector<Segment>& segments)
     const TimedPixel event(px.x(), px.y(), seconds_between(window.begin, e.t));
     double nearest = options_.gate_px, second = 1e9;
     Segment* best = nullptr;
-    for (std::uint32_t k : tiles[static_cast<std::size_t>(tile(px.y(), rows) * columns + tile(px.x(), columns))]) {
+    for (std::uint32_t k :
+         tiles[static_cast<std::size_t>(tile(px.y(), rows) * columns + tile(px.x(), columns))]) {
       const MovingLine& line = segments[k].line;
       const double u = line.along(event);
       if (u < line.u_min - kBeyondPx || u > line.u_max + kBeyondPx) continue;
@@ -190,8 +208,9 @@ void Segmenter::claim(const EventWindow& window, std::vector<Segment>& segments)
   std::erase_if(segments, [](const Segment& s) { return s.events.size() < 2; });
 }
 
-std::optional<Segment> Segmenter::fit_segment(const EventWindow& window, std::span<const std::uint32_t> cluster,
-                                             const Eigen::Vector2d& normal) const {
+std::optional<Segment> Segmenter::fit_segment(const EventWindow& window,
+                                              std::span<const std::uint32_t> cluster,
+                                              const Eigen::Vector2d& normal) const {
   std::vector<TimedPixel> events;
   for (std::uint32_t i : cluster) {
     const Event& e = window.events[i];
@@ -217,7 +236,7 @@ void Segmenter::link(const EventWindow& window, std::vector<Segment>& segments) 
   const std::size_t offset = previous_ids_.size() - std::min(previous_ids_.size(), window.overlap);
   std::map<LineId, const Segment*> largest;  // with each id
   std::stable_sort(segments.begin(), segments.end(),
-            [](const Segment& a, const Segment& b) { return a.events.size() > b.events.size(); });
+                   [](const Segment& a, const Segment& b) { return a.events.size() > b.events.size(); });
   for (auto& segment : segments) {
     std::map<LineId, int> votes;
     for (std::uint32_t i : segment.events)
@@ -244,7 +263,8 @@ void Segmenter::link(const EventWindow& window, std::vector<Segment>& segments) 
 LineId Segmenter::recall(const EventWindow& window, const Segment& segment) const {
   constexpr double kMaxGapPx = 15;  // along the line, between the two extents
   const double t = segment.line.time;
-  const Eigen::Vector2d a = segment.line.point(segment.line.u_min, t), b = segment.line.point(segment.line.u_max, t);
+  const Eigen::Vector2d a = segment.line.point(segment.line.u_min, t),
+                        b = segment.line.point(segment.line.u_max, t);
   LineId best = kNoLine;
   double nearest = options_.gate_px;
   for (const auto& [id, memory] : memory_) {
@@ -267,7 +287,9 @@ void Segmenter::remember(const EventWindow& window, const std::vector<Segment>& 
     if (!size.try_emplace(segment.id, segment.events.size()).second) continue;
     memory_[segment.id] = {segment.line.extrapolable(), window.begin, window.end};
   }
-  std::erase_if(memory_, [&](const auto& entry) { return seconds_between(entry.second.last, window.end) > options_.memory_s; });
+  std::erase_if(memory_, [&](const auto& entry) {
+    return seconds_between(entry.second.last, window.end) > options_.memory_s;
+  });
 }
 
 // One pixel of motion should count like one pixel of distance: c = 1 / speed, followed slowly.

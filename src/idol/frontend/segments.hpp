@@ -1,22 +1,33 @@
-// The paper's front-end (V): local normals, region growing, links between windows; then the test that a cluster is a
-// straight moving line.
+// The paper's front-end (V): local normals, region growing, links between windows; then the test that a
+// cluster is a straight moving line.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "idol/base/camera.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/types.hpp"
+#include "idol/frontend/line_tracker.hpp"
 #include "idol/frontend/moving_line.hpp"
 #include "idol/frontend/windower.hpp"
 
 namespace idol {
 
+/// `paper`: clusters of each window, linked by their common events. `track`: lines followed event by event.
+enum class SegmentMethod { kPaper, kTrack };
+constexpr std::array<std::string_view, 2> kSegmentMethodNames{"paper", "track"};
+constexpr std::span<const std::string_view> option_names(SegmentMethod) { return kSegmentMethodNames; }
+
 struct SegmentOptions {
+  SegmentMethod method = SegmentMethod::kPaper;
+  TrackOptions track;
   double radius_px = 3.0;
   double c_s_per_px = 0;
   int min_neighbours = 8;
@@ -36,27 +47,40 @@ struct SegmentOptions {
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
+    visit("method", self.method, Range{},
+          "paper: clusters window by window (paper V); track: live lines claim events, fast and with long "
+          "tracks");
+    visit("track", self.track, Range{}, "");
     visit("radius_px", self.radius_px, Range{1, 10}, "neighbourhood in (x, y, t/c) (paper V)");
     visit("c_s_per_px", self.c_s_per_px, Range{0, 1},
-          "time that counts as one pixel, c in the paper (V) [s/px]; 0: from the image speed measured in the window before");
-    visit("min_neighbours", self.min_neighbours, Range{3, 1000}, "events needed for a normal, the event itself included");
-    visit("min_planarity", self.min_planarity, Range{0, 1}, "1 - smallest/middle eigenvalue below this: no normal");
-    visit("normal_threshold", self.normal_threshold, Range{0, 1}, "n_thr: cosine between normals of one line (paper V)");
+          "time that counts as one pixel, c in the paper (V) [s/px]; 0: from the image speed measured in the "
+          "window before");
+    visit("min_neighbours", self.min_neighbours, Range{3, 1000},
+          "events needed for a normal, the event itself included");
+    visit("min_planarity", self.min_planarity, Range{0, 1},
+          "1 - smallest/middle eigenvalue below this: no normal");
+    visit("normal_threshold", self.normal_threshold, Range{0, 1},
+          "n_thr: cosine between normals of one line (paper V)");
     visit("regrow_rounds", self.regrow_rounds, Range{0, 5},
           "times a cluster that is not straight is grown again with (1 - n_thr) / 3; 0: refuse it");
     visit("distance_threshold_px", self.distance_threshold_px, Range{0.1, 10},
           "e_thr: distance of an event from its neighbour's line (paper V) [px]");
-    visit("same_polarity", self.same_polarity, Range{}, "grow segments of one polarity only (the paper ignores polarity)");
+    visit("same_polarity", self.same_polarity, Range{},
+          "grow segments of one polarity only (the paper ignores polarity)");
     visit("min_events", self.min_events, Range{8, 1e6}, "events needed for a segment");
     visit("min_length_px", self.min_length_px, Range{2, 1000}, "shortest segment [px]");
-    visit("gate_px", self.gate_px, Range{0.1, 10}, "events farther from the segment's fitted line are not of it [px]");
+    visit("gate_px", self.gate_px, Range{0.1, 10},
+          "events farther from the segment's fitted line are not of it [px]");
     visit("max_rms_px", self.max_rms_px, Range{0.1, 10}, "a cluster that spreads more is not a line [px]");
     visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a cluster that bends more is not a line [px]");
-    visit("min_inliers", self.min_inliers, Range{0, 1}, "share of a cluster's events that must lie on the line");
+    visit("min_inliers", self.min_inliers, Range{0, 1},
+          "share of a cluster's events that must lie on the line");
     visit("memory_s", self.memory_s, Range{0, 10},
-          "a segment without links takes the id of a recent line that would now lie here; 0: links only (the paper) [s]");
+          "a segment without links takes the id of a recent line that would now lie here; 0: links only (the "
+          "paper) [s]");
     visit("cluster_events", self.cluster_events, Range{0, 1e7},
-          "of a window with more events, this many are clustered, evenly spread, and then all events near the lines "
+          "of a window with more events, this many are clustered, evenly spread, and then all events near "
+          "the lines "
           "found are given to them; 0: all events are clustered and what is not, is of no line (the paper)");
   }
 };
@@ -71,8 +95,8 @@ struct Segment {
 struct SegmentedWindow {
   std::vector<LineId> ids;  ///< one an event of the window (overlap included); kNoLine = none
   std::vector<Segment> segments;
-  double c_s_per_px = 0;    ///< temporal scale used
-  double speed_px_s = 0;    ///< median image speed along the normals
+  double c_s_per_px = 0;  ///< temporal scale used
+  double speed_px_s = 0;  ///< median image speed along the normals
 };
 
 /// Turns windows into segments, one after the other.
@@ -91,16 +115,23 @@ class Segmenter {
 
   [[nodiscard]] std::vector<std::uint32_t> choose(const EventWindow& window) const;
   void claim(const EventWindow& window, std::vector<Segment>& segments) const;
-  [[nodiscard]] std::optional<Segment> fit_segment(const EventWindow& window, std::span<const std::uint32_t> cluster,
+  [[nodiscard]] std::optional<Segment> fit_segment(const EventWindow& window,
+                                                   std::span<const std::uint32_t> cluster,
                                                    const Eigen::Vector2d& normal) const;
   void link(const EventWindow& window, std::vector<Segment>& segments);
   [[nodiscard]] LineId recall(const EventWindow& window, const Segment& segment) const;
   void remember(const EventWindow& window, const std::vector<Segment>& segments);
   void adapt_scale(double speed_px_s);
 
+  void label(const EventWindow& window, std::vector<LineId>& ids);
+  SegmentedWindow process_tracks(const EventWindow& window);
+  [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
+                                                    std::span<const std::uint32_t> events, LineId id) const;
+
   SegmentOptions options_;
   const UndistortMap* undistort_;
-  double c_;                         // [s/px]
+  std::unique_ptr<LineTracker> tracker_;  // of method `track`
+  double c_;                              // [s/px]
   LineId next_id_ = 0;
   std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
   std::map<LineId, Memory> memory_;

@@ -1,0 +1,417 @@
+#include "idol/frontend/line_tracker.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace idol {
+namespace {
+
+constexpr double kFastestScale = 0.001, kSlowestScale = 0.025;  // [s/px]
+constexpr float kEndMargin = 3;        // events this far beyond an end are looked at [px]
+constexpr float kEndZone = 4;          // inside an end: where its support is measured [px]
+constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
+constexpr double kBatchSigma = 0.2;    // what the events of a batch err together [px]
+constexpr double kAcceleration = 1e6;  // spectral density of the image acceleration [px^2/s^3]
+constexpr double kConfirmTravel = 3;   // motion before a track gets known [px]
+constexpr double kFade = 0.6;          // of the statistics at each look
+constexpr double kMinCore = 0.6;       // share of near events among near and ring, else texture
+constexpr double kMinDensity = 0.12;   // events per px of line and px of motion
+constexpr int kHot = 24;               // unsupported events in half a second or so
+
+}  // namespace
+
+struct LineTracker::Fast {
+  float cx, cy, dx, dy, nx, ny, lo, hi, rate, turn, mid, inv_half;
+  // Sums over the batch: near events for the state, the rest for the statistics.
+  int n = 0;
+  double u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0;
+  int core = 0, ring = 0, pol = 0, in_lo = 0, in_hi = 0, out_lo = 0, out_hi = 0, claimed = 0;
+  double bow = 0;
+  Time last = 0;
+  float wanted = 0;  // polarity expected, 0 = any
+};
+
+LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undistort)
+    : options_(options), undistort_(&undistort), detector_(undistort) {
+  const int w = undistort.width(), h = undistort.height();
+  const std::size_t pixels = static_cast<std::size_t>(w) * static_cast<std::size_t>(h);
+  // Strong distortion can throw the corners far out: cells beyond twice the sensor are of no use.
+  Eigen::Vector2f low(1e9F, 1e9F), high(-1e9F, -1e9F);
+  const Eigen::Vector2f size(static_cast<float>(w), static_cast<float>(h));
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      low = low.cwiseMin(undistort(x, y));
+      high = high.cwiseMax(undistort(x, y));
+    }
+  low = low.cwiseMax(-size);
+  high = high.cwiseMin(2 * size);
+  x0_ = static_cast<int>(std::floor(low.x())) - 4;
+  y0_ = static_cast<int>(std::floor(low.y())) - 4;
+  cols_ = static_cast<int>(std::ceil(high.x())) + 5 - x0_;
+  rows_ = static_cast<int>(std::ceil(high.y())) + 5 - y0_;
+  claims_.resize(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_));
+  cell_of_pixel_.resize(pixels);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      const Eigen::Vector2f p = undistort(x, y).cwiseMax(low).cwiseMin(high);
+      cell_of_pixel_[static_cast<std::size_t>(y) * w + x] =
+          static_cast<std::uint32_t>((std::lround(p.y()) - y0_) * cols_ + std::lround(p.x()) - x0_);
+    }
+  last_any_.resize(pixels);
+  lonely_.resize(pixels);
+}
+
+LineId LineTracker::final_id(LineId id) const {
+  while (id >= 0 && merged_[static_cast<std::size_t>(id)] != id) id = merged_[static_cast<std::size_t>(id)];
+  return id;
+}
+
+// Constant velocity; the frame moves along so that offset and slope are zero again.
+void LineTracker::predict(LineTrack& track, Time t) const {
+  const double dt = seconds_between(track.time, t);
+  if (dt > 0) {
+    Eigen::Matrix4d F = Eigen::Matrix4d::Identity();
+    F(0, 2) = F(1, 3) = dt;
+    track.x = F * track.x;
+    track.P = F * track.P * F.transpose();
+    const double half = std::max(10.0, 0.5 * (track.hi - track.lo));
+    for (int k = 0; k < 2; ++k) {
+      const double q = k == 0 ? kAcceleration : kAcceleration / (half * half);
+      track.P(k, k) += q * dt * dt * dt / 3;
+      track.P(k, k + 2) += q * dt * dt / 2;
+      track.P(k + 2, k) += q * dt * dt / 2;
+      track.P(k + 2, k + 2) += q * dt;
+    }
+    track.time = t;
+  }
+  // The origin goes to the middle of the extent, where offset and slope are least coupled.
+  const double mid = 0.5 * (track.lo + track.hi);
+  track.x[0] += track.x[1] * mid;
+  track.x[2] += track.x[3] * mid;
+  Eigen::Matrix4d J = Eigen::Matrix4d::Identity();
+  J(0, 1) = J(2, 3) = mid;
+  track.P = J * track.P * J.transpose();
+  track.centre += mid * track.dir + track.x[0] * track.normal;
+  track.lo -= mid;
+  track.hi -= mid;
+  const double c = 1 / std::sqrt(1 + track.x[1] * track.x[1]), s = track.x[1] * c;
+  track.dir = (c * track.dir + s * track.normal).normalized();
+  track.normal = {-track.dir.y(), track.dir.x()};
+  track.x[0] = track.x[1] = 0;
+}
+
+// Names the line in all cells within `band` of it.
+void LineTracker::draw(std::uint16_t index, const Fast& line, float band) {
+  const bool flat = std::abs(line.dx) > std::abs(line.dy);
+  // Walk along the longer axis; at each step the cells across.
+  const float ax = flat ? line.dx : line.dy, ay = flat ? line.dy : line.dx;
+  const float cx = flat ? line.cx : line.cy, cy = flat ? line.cy : line.cx;
+  float p = cx + (line.lo - kEndMargin) * ax, q = cx + (line.hi + kEndMargin) * ax;
+  if (p > q) std::swap(p, q);
+  const int o = flat ? x0_ : y0_, o2 = flat ? y0_ : x0_;
+  const int n = flat ? cols_ : rows_, n2 = flat ? rows_ : cols_;
+  const int first = std::max(0, static_cast<int>(std::floor(p)) - o);
+  const int last = std::min(n - 1, static_cast<int>(std::ceil(q)) - o);
+  const float slope = ay / ax, reach = band * std::sqrt(1 + slope * slope);
+  for (int i = first; i <= last; ++i) {
+    const float middle = cy + (static_cast<float>(i + o) - cx) * slope - static_cast<float>(o2);
+    const int from = std::max(0, static_cast<int>(std::floor(middle - reach)));
+    const int to = std::min(n2 - 1, static_cast<int>(std::ceil(middle + reach)));
+    for (int j = from; j <= to; ++j) {
+      const int cell = flat ? j * cols_ + i : i * cols_ + j;
+      Claim& claim = claims_[static_cast<std::size_t>(cell)];
+      if (claim.a == 0) {
+        claim.a = index;
+        drawn_.push_back(static_cast<std::uint32_t>(cell));
+      } else if (claim.b == 0 && claim.a != index) {
+        claim.b = index;
+      }
+    }
+  }
+}
+
+void LineTracker::process(std::span<const Event> events, LineId* labels) {
+  if (events.empty()) return;
+  const Time begin = events.front().t, end = events.back().t;
+  const Time middle = begin + (end - begin) / 2;
+  const auto half_span = static_cast<float>(seconds_between(begin, end) / 2);
+  const auto gate = static_cast<float>(options_.gate_px);
+  const float outer = 2 * gate;
+
+  std::vector<Fast> fast(tracks_.size());
+  for (std::size_t k = 0; k < tracks_.size(); ++k) {
+    LineTrack& track = tracks_[k];
+    const double before = seconds_between(track.time, middle) * std::abs(track.x[2]);
+    track.travel += before;
+    track.fresh_travel += before;
+    predict(track, middle);
+    Fast& f = fast[k];
+    f.cx = static_cast<float>(track.centre.x()), f.cy = static_cast<float>(track.centre.y());
+    f.dx = static_cast<float>(track.dir.x()), f.dy = static_cast<float>(track.dir.y());
+    f.nx = -f.dy, f.ny = f.dx;
+    f.lo = static_cast<float>(track.lo), f.hi = static_cast<float>(track.hi);
+    f.rate = static_cast<float>(track.x[2]), f.turn = static_cast<float>(track.x[3]);
+    f.mid = 0.5F * (f.lo + f.hi);
+    f.inv_half = 2.0F / std::max(1.0F, f.hi - f.lo);
+    if (std::abs(f.rate) > 40 && std::abs(track.contrast) > 0.6 * (track.core + 1) && track.core > 20)
+      f.wanted = (track.contrast > 0) == (f.rate > 0) ? 1.0F : -1.0F;
+    const float most = std::abs(f.rate) + std::abs(f.turn) * (f.hi - f.lo) / 2;
+    draw(static_cast<std::uint16_t>(k + 1), f, outer + 0.75F + std::min(4.0F, most * half_span));
+  }
+
+  const int w = undistort_->width();
+  std::vector<std::uint32_t> rest;
+  for (std::uint32_t i = 0; i < events.size(); ++i) {
+    const Event& e = events[i];
+    labels[i] = kNoLine;
+    const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
+    if (lonely_[pixel] >= kHot) continue;
+    const Claim claim = claims_[cell_of_pixel_[pixel]];
+    if (claim.a == 0) {
+      rest.push_back(i);
+      continue;
+    }
+    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+    const auto dt = static_cast<float>(seconds_between(middle, e.t));
+    float best = outer, best_u = 0, second = 1e9F;
+    int chosen = -1;
+    for (const int k : {claim.a - 1, claim.b - 1}) {
+      if (k < 0) break;
+      const Fast& f = fast[static_cast<std::size_t>(k)];
+      const float x = px.x() - f.cx, y = px.y() - f.cy;
+      const float u = f.dx * x + f.dy * y;
+      if (u < f.lo - kEndMargin || u > f.hi + kEndMargin) continue;
+      const float r = f.nx * x + f.ny * y - (f.rate + f.turn * u) * dt;
+      if (std::abs(r) < std::abs(best)) {
+        if (chosen >= 0) second = best;
+        best = r, best_u = u, chosen = k;
+      } else {
+        second = r;
+      }
+    }
+    if (chosen < 0) {
+      rest.push_back(i);
+      continue;
+    }
+    Fast& f = fast[static_cast<std::size_t>(chosen)];
+    const float off = std::abs(best);
+    const bool inside = best_u >= f.lo - 1 && best_u <= f.hi + 1;
+    if (off < gate && inside) {
+      labels[i] = tracks_[static_cast<std::size_t>(chosen)].id;
+      f.last = e.t;
+      ++f.claimed;
+    } else if (off >= gate) {
+      rest.push_back(i);
+    }
+    const float sign = e.polarity ? 1.0F : -1.0F;
+    if (inside) ++(off < 0.67F * gate ? f.core : f.ring);
+    if (off >= gate || std::abs(second) < 1.5F * off + 0.5F) continue;
+    if (best_u < f.lo)
+      ++f.out_lo;
+    else if (best_u < f.lo + kEndZone)
+      ++f.in_lo;
+    if (best_u > f.hi)
+      ++f.out_hi;
+    else if (best_u > f.hi - kEndZone)
+      ++f.in_hi;
+    if (!inside) continue;
+    f.pol += e.polarity ? 1 : -1;
+    if (f.wanted != 0 && sign != f.wanted) continue;
+    const double r = best, u = best_u;
+    ++f.n;
+    f.u += u, f.uu += u * u, f.r += r, f.ur += u * r, f.t += dt, f.rr += r * r;
+    const double v = (best_u - f.mid) * f.inv_half;
+    f.bow += r * (1.5 * v * v - 0.5);
+  }
+  for (const std::uint32_t cell : drawn_) claims_[cell] = {};
+  drawn_.clear();
+
+  for (std::size_t k = 0; k < tracks_.size(); ++k) {
+    correct(tracks_[k], fast[k]);
+    judge(tracks_[k], end);
+    normals_[static_cast<std::size_t>(tracks_[k].id)] = tracks_[k].normal;
+  }
+  std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
+
+  // The rest: supported events go to the detector.
+  const auto now_us = [](Time t) { return static_cast<std::uint32_t>(t / 1000); };
+  const auto support = static_cast<std::uint32_t>(std::clamp(4 * c_, 0.005, 0.05) * 1e6);
+  const int h = undistort_->height();
+  for (const std::uint32_t i : rest) {
+    const Event& e = events[i];
+    const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
+    const std::uint32_t us = now_us(e.t);
+    last_any_[pixel] = us;
+    if (e.x == 0 || e.y == 0 || e.x == w - 1 || e.y == h - 1) continue;
+    int neighbours = 0;
+    for (const int d : {-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1})
+      neighbours +=
+          us - last_any_[pixel + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(d))] < support ? 1 : 0;
+    if (neighbours == 0) {
+      if (lonely_[pixel] < 255) ++lonely_[pixel];
+      continue;
+    }
+    if (neighbours < 2) continue;
+    if (const auto found = detector_.add(e, c_, options_.min_length_px)) seed(*found, e.t);
+  }
+  if (end >= next_fade_) {
+    for (auto& n : lonely_) n = static_cast<std::uint8_t>(n - n / 4 - (n > 0 ? 1 : 0));
+    next_fade_ = end + from_seconds(0.25);
+  }
+  if (end >= next_merge_) {
+    merge_lines(end);
+    adapt_scale();
+    next_merge_ = end + from_seconds(0.01);
+  }
+}
+
+// Two scalar measurements of a batch: mean distance of the near events, and tilt along the line.
+void LineTracker::correct(LineTrack& track, const Fast& f) {
+  track.core += f.core, track.ring += f.ring;
+  track.in_lo += f.in_lo, track.in_hi += f.in_hi, track.out_lo += f.out_lo, track.out_hi += f.out_hi;
+  track.all += f.claimed;
+  if (std::abs(f.rate) > 25) track.contrast += f.rate > 0 ? f.pol : -f.pol;
+  if (f.last > track.last_event) track.last_event = f.last;
+  if (f.n < 2) return;
+  const double n = f.n, u = f.u / n, r = f.r / n, t = f.t / n;
+  track.bow += f.bow, track.bow_n += n, track.spread += f.rr;
+  const auto update = [&](const Eigen::Vector4d& h, double z, double variance) {
+    const Eigen::Vector4d ph = track.P * h;
+    const double s = h.dot(ph) + variance;
+    const Eigen::Vector4d gain = ph / s;
+    track.x += gain * (z - h.dot(track.x));
+    track.P -= gain * ph.transpose();
+  };
+  // Residuals are against the predicted rates: these come back as what the measurement says of the whole
+  // state.
+  const double rate = track.x[2], turn = track.x[3];
+  update({1, u, t, u * t}, r + (rate + turn * u) * t,
+         kBatchSigma * kBatchSigma + kEventSigma * kEventSigma / n);
+  const double uu = f.uu - n * u * u;
+  const double length = track.hi - track.lo;
+  if (f.n >= 4 && uu > 0.02 * n * length * length) {
+    const double tilt = (f.ur - n * u * r) / uu;
+    update({0, 1, 0, t}, tilt + turn * t,
+           kEventSigma * kEventSigma / uu + 12 * kBatchSigma * kBatchSigma / (length * length));
+  }
+}
+
+// After each few pixels of motion: is it still a line, and where does it end?
+void LineTracker::judge(LineTrack& track, Time now) {
+  const double length = track.hi - track.lo;
+  if (seconds_between(track.last_event, now) > options_.max_quiet_s) track.alive = false;
+  if (std::abs(track.x[2]) > 1.0 / (0.3 * kFastestScale) || std::abs(track.x[3]) > 60) track.alive = false;
+  // Ends: by events, so that slow motion has time.
+  if (track.all > std::max(16.0, 0.8 * length)) {
+    const double density = track.all / length;
+    const auto move_end = [&](double in, double out) {
+      if (out > 0.35 * kEndMargin * density) return 1.5;
+      return in < 0.3 * kEndZone * density ? -1.5 : 0.0;
+    };
+    track.hi += move_end(track.in_hi, track.out_hi);
+    track.lo -= move_end(track.in_lo, track.out_lo);
+    track.in_lo = track.in_hi = track.out_lo = track.out_hi = track.all = 0;
+    if (track.hi - track.lo < 0.7 * options_.min_length_px) track.alive = false;
+  }
+  if (track.fresh_travel < 1.5) return;
+  const double near = track.core + track.ring;
+  if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
+  if (near > 30 && track.core < kMinCore * near) track.alive = false;
+  const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
+  if (track.bow_n > 60 && bow > options_.max_bow_px) track.alive = false;
+  if (track.bow_n > 30 && track.spread > 0.64 * track.bow_n * options_.gate_px * options_.gate_px / 2.25)
+    track.alive = false;
+  if (track.alive && !track.confirmed && track.travel > kConfirmTravel && near > 40 &&
+      length >= options_.min_length_px && bow < options_.max_bow_px) {
+    track.confirmed = true;
+    confirmed_[static_cast<std::size_t>(track.id)] = true;
+  }
+  for (double* sum : {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread})
+    *sum *= kFade;
+  track.fresh_travel *= kFade;
+}
+
+void LineTracker::seed(const LineSeed& seed, Time now) {
+  if (std::ssize(tracks_) >= options_.max_lines) return;
+  LineTrack track;
+  track.centre = seed.centre;
+  track.normal = seed.normal;
+  track.dir = {seed.normal.y(), -seed.normal.x()};
+  track.lo = -seed.length / 2, track.hi = seed.length / 2;
+  track.x << 0, 0, seed.speed, 0;
+  const double slope = 1.0 / seed.length, rate = 0.2 * std::abs(seed.speed) + 20;
+  track.P = Eigen::Vector4d(0.25, slope * slope, rate * rate, 4).asDiagonal();
+  track.time = track.born = track.last_event = now;
+  // A line that is already followed here must not be followed twice.
+  for (LineTrack& other : tracks_) {
+    if (std::abs(other.dir.dot(track.dir)) < 0.985) continue;
+    const double dt = seconds_between(other.time, now);
+    double worst = 0;
+    double least = 1e9, most = -1e9;
+    for (const double u : {track.lo, track.hi}) {
+      const Eigen::Vector2d d = track.centre + u * track.dir - other.centre;
+      const double along = other.dir.dot(d);
+      worst = std::max(worst, std::abs(other.normal.dot(d) - other.x[0] - other.x[1] * along -
+                                       (other.x[2] + other.x[3] * along) * dt));
+      least = std::min(least, along), most = std::max(most, along);
+    }
+    if (worst > 1.5 || least > other.hi + 2 * kEndMargin || most < other.lo - 2 * kEndMargin) continue;
+    other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
+    return;
+  }
+  track.id = static_cast<LineId>(merged_.size());
+  merged_.push_back(track.id);
+  confirmed_.push_back(false);
+  normals_.push_back(track.normal);
+  tracks_.push_back(track);
+}
+
+// Two tracks on one line with one motion: the older goes on with both extents.
+void LineTracker::merge_lines(Time now) {
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    LineTrack& a = tracks_[i];
+    if (!a.alive) continue;
+    predict(a, now);
+    for (std::size_t j = i + 1; j < tracks_.size(); ++j) {
+      LineTrack& b = tracks_[j];
+      if (!b.alive || std::abs(a.dir.dot(b.dir)) < 0.99) continue;
+      predict(b, now);
+      const double same = a.dir.dot(b.dir) > 0 ? 1 : -1;
+      double worst = 0, least = 1e9, most = -1e9;
+      for (const double u : {b.lo, b.hi}) {
+        const Eigen::Vector2d d = b.centre + u * b.dir - a.centre;
+        worst = std::max(worst, std::abs(a.normal.dot(d)));
+        least = std::min(least, a.dir.dot(d)), most = std::max(most, a.dir.dot(d));
+      }
+      if (worst > 1.2 || least > a.hi + 6 || most < a.lo - 6) continue;
+      const double at = a.dir.dot(b.centre - a.centre);
+      if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
+      if (a.contrast * b.contrast * same < 0 && std::abs(a.contrast) > 0.5 * a.core &&
+          std::abs(b.contrast) > 0.5 * b.core)
+        continue;  // the two edges of a thin bar
+      a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
+      b.alive = false;
+      merged_[static_cast<std::size_t>(b.id)] = a.id;
+      if (b.confirmed && !a.confirmed) {
+        a.confirmed = true;
+        confirmed_[static_cast<std::size_t>(a.id)] = true;
+      }
+    }
+  }
+  std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
+}
+
+// One pixel of motion should count like one pixel of distance: c = 1 / median speed, followed slowly.
+void LineTracker::adapt_scale() {
+  std::vector<double> speeds;
+  for (const auto& t : tracks_)
+    if (t.confirmed) speeds.push_back(std::abs(t.x[2]));
+  if (speeds.size() < 3) return;
+  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
+  std::nth_element(speeds.begin(), middle, speeds.end());
+  const double wanted = std::clamp(1.0 / std::max(1.0, *middle), kFastestScale, kSlowestScale);
+  c_ = std::exp(0.9 * std::log(c_) + 0.1 * std::log(wanted));
+}
+
+}  // namespace idol

@@ -1,0 +1,115 @@
+// Live lines followed event by event: predicted lines claim events, claimed events correct the lines, the
+// rest feeds the detector. No windows, no neighbour lists; the result does not depend on how events are
+// spread over calls.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "idol/base/camera.hpp"
+#include "idol/base/options.hpp"
+#include "idol/base/types.hpp"
+#include "idol/frontend/line_detector.hpp"
+
+namespace idol {
+
+struct TrackOptions {
+  double batch_s = 0.002;
+  int batch_events = 4000;
+  double gate_px = 1.5;
+  double min_length_px = 12;
+  double max_bow_px = 0.8;
+  double max_quiet_s = 0.3;
+  int max_lines = 200;
+
+  template <class Self, class Visitor>
+  static void fields(Self& self, Visitor&& visit) {
+    visit("batch_s", self.batch_s, Range{1e-4, 0.1}, "lines are corrected this often [s]");
+    visit("batch_events", self.batch_events, Range{10, 1e6}, "and after this many events");
+    visit("gate_px", self.gate_px, Range{0.3, 5}, "events this near to a predicted line are its own [px]");
+    visit("min_length_px", self.min_length_px, Range{4, 1000}, "shortest line [px]");
+    visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a track that bends more is not a line [px]");
+    visit("max_quiet_s", self.max_quiet_s, Range{0.01, 10},
+          "a track without events for this long is dropped [s]");
+    visit("max_lines", self.max_lines, Range{1, 4000}, "tracks at a time");
+  }
+};
+
+/// A line as it is followed. Frame: origin `centre`, along `dir`, across `normal` = dir turned by +90
+/// degrees.
+struct LineTrack {
+  LineId id = kNoLine;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero(), dir = Eigen::Vector2d::UnitX();
+  Eigen::Vector2d normal = Eigen::Vector2d::UnitY();
+  double lo = 0, hi = 0;                        ///< extent along dir [px]
+  Eigen::Vector4d x = Eigen::Vector4d::Zero();  ///< offset, slope and their rates [px, 1, px/s, 1/s]
+  Eigen::Matrix4d P = Eigen::Matrix4d::Identity();
+  Time time = 0;  ///< of the state
+  Time born = 0, last_event = 0;
+  bool confirmed = false;
+  bool alive = true;
+  double travel = 0;        ///< motion since birth [px]
+  double fresh_travel = 0;  ///< since the last look at the statistics [px]
+  double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0,
+         spread = 0;                                             ///< fading sums over claimed events
+  double in_lo = 0, in_hi = 0, out_lo = 0, out_hi = 0, all = 0;  ///< fading counts for the extent
+};
+
+class LineTracker {
+ public:
+  LineTracker(const TrackOptions& options, const UndistortMap& undistort);
+
+  /// Labels a batch of events (time order, all inside one batch); -1 = none. Ids of unconfirmed tracks count
+  /// too.
+  void process(std::span<const Event> events, LineId* labels);
+
+  [[nodiscard]] const std::vector<LineTrack>& tracks() const { return tracks_; }
+  /// True if the track was ever confirmed.
+  [[nodiscard]] bool confirmed(LineId id) const {
+    return id >= 0 && confirmed_[static_cast<std::size_t>(id)];
+  }
+  /// Id that a track was merged into, or its own.
+  [[nodiscard]] LineId final_id(LineId id) const;
+  /// Normal of a track, dead or alive, as last seen.
+  [[nodiscard]] const Eigen::Vector2d& normal(LineId id) const {
+    return normals_[static_cast<std::size_t>(id)];
+  }
+  [[nodiscard]] double c_s_per_px() const { return c_; }
+  [[nodiscard]] const TrackOptions& options() const { return options_; }
+
+ private:
+  struct Fast;  // a track's prediction in single precision, and the batch's sums
+  void predict(LineTrack& track, Time t) const;
+  void draw(std::uint16_t index, const Fast& line, float band);
+  void correct(LineTrack& track, const Fast& sums);
+  void judge(LineTrack& track, Time now);
+  void seed(const LineSeed& seed, Time now);
+  void merge_lines(Time now);
+  void adapt_scale();
+
+  TrackOptions options_;
+  const UndistortMap* undistort_;
+  LineDetector detector_;
+  std::vector<LineTrack> tracks_;
+  std::vector<bool> confirmed_;
+  std::vector<LineId> merged_;
+  std::vector<Eigen::Vector2d> normals_;
+  double c_ = 0.01;
+  Time next_merge_ = 0;
+  // The undistorted plane in cells of one pixel, each naming up to two lines.
+  int x0_ = 0, y0_ = 0, cols_ = 0, rows_ = 0;
+  struct Claim {
+    std::uint16_t a = 0, b = 0;  // index + 1
+  };
+  std::vector<Claim> claims_;
+  std::vector<std::uint32_t> drawn_;
+  std::vector<std::uint32_t> cell_of_pixel_;
+  // Hot pixels: events without a neighbour's support, fading.
+  std::vector<std::uint32_t> last_any_;
+  std::vector<std::uint8_t> lonely_;
+  Time next_fade_ = 0;
+};
+
+}  // namespace idol
