@@ -127,12 +127,14 @@ TEST(Segmenter, SeparatesEdgesAndKeepsTheirIdsOverWindows) {
   WindowOptions cutting;
   cutting.max_duration_s = 0.05;
   Windower windower(cutting);
-  Segmenter segmenter({}, flat);
+  SegmentOptions options;
+  options.method = SegmentMethod::kPaper;
+  const auto segmenter = make_segmenter(options, flat);
   windower.push(events);
   std::map<int, std::map<LineId, int>> votes;
   std::size_t k = 0, labelled = 0;
   const auto take = [&](const EventWindow& window) {
-    const auto result = segmenter.process(window);
+    const auto result = segmenter->process(window);
     ASSERT_EQ(result.ids.size(), window.events.size());
     for (std::size_t i = window.overlap; i < window.events.size(); ++i, ++k) {
       if (result.ids[i] == kNoLine) continue;
@@ -158,18 +160,20 @@ TEST(Segmenter, SeparatesEdgesAndKeepsTheirIdsOverWindows) {
 
 TEST(Segmenter, OddInputGivesNoSegments) {
   const UndistortMap flat(240, 180);
-  Segmenter segmenter({}, flat);
+  SegmentOptions options;
+  options.method = SegmentMethod::kPaper;
+  const auto segmenter = make_segmenter(options, flat);
   EventWindow window;
   window.end = 100;
-  EXPECT_TRUE(segmenter.process(window).segments.empty());
+  EXPECT_TRUE(segmenter->process(window).segments.empty());
   window.events.assign(3000, Event{50, 7, 7, true});
-  EXPECT_TRUE(segmenter.process(window).segments.empty());
+  EXPECT_TRUE(segmenter->process(window).segments.empty());
   std::mt19937 rng(6);
   window.events.clear();
   for (int i = 0; i < 3000; ++i)
     window.events.push_back({i * 10000, static_cast<std::uint16_t>(rng() % 240), static_cast<std::uint16_t>(rng() % 180), true});
   window.end = 30'000'000;
-  EXPECT_TRUE(segmenter.process(window).segments.empty());
+  EXPECT_TRUE(segmenter->process(window).segments.empty());
 }
 
 }  // namespace

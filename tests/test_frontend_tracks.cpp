@@ -20,10 +20,10 @@ std::vector<SegmentedWindow> run(const std::vector<Event>& events, int width, in
                                  std::vector<LineId>* ids = nullptr) {
   const UndistortMap undistort(width, height);
   Windower windower(WindowOptions{});
-  Segmenter segmenter(track_options(), undistort);
+  const auto segmenter = make_segmenter(track_options(), undistort);
   std::vector<SegmentedWindow> out;
   const auto take = [&](const EventWindow& window) {
-    out.push_back(segmenter.process(window));
+    out.push_back(segmenter->process(window));
     if (ids)
       ids->insert(ids->end(), out.back().ids.begin() + static_cast<std::ptrdiff_t>(window.overlap),
                   out.back().ids.end());

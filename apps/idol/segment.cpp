@@ -98,10 +98,10 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
                          const UndistortMap& undistort, EventMonitor& monitor) {
   TextWriter writer(arguments.out);
   Windower windower(options.window);
-  Segmenter segmenter(options.segment, undistort);
+  const auto segmenter = make_segmenter(options.segment, undistort);
   Pictures pictures(arguments.pictures, undistort);
   const auto process = [&](const EventWindow& window) {
-    const SegmentedWindow segments = segmenter.process(window);
+    const SegmentedWindow segments = segmenter->process(window);
     write_labels(writer, window, segments);
     pictures.add(window, segments);
   };

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -18,18 +19,26 @@ struct PatchPlane {
   float planarity = 0;
 };
 
-/// Sums over the points of a patch, one pass, no neighbour list. Coordinates relative to the centre event.
-struct PatchSums {
-  int n = 0;
-  Eigen::Vector3f s = Eigen::Vector3f::Zero();
-  float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
-  void add(float x, float y, float z) {
-    ++n;
-    s += Eigen::Vector3f(x, y, z);
-    xx += x * x, xy += x * y, xz += x * z, yy += y * y, yz += y * z, zz += z * z;
-  }
+/// Moments of the points of a patch of 7x7 pixels, in one pass without neighbour lists: row by row, its pixels side by
+/// side. Coordinates [px, px, px of time] from the patch's centre.
+class PatchSums {
+ public:
+  static constexpr int kReach = 3;
+  /// `stamps` [us]: of the row's middle pixel, with kReach more before and kReach + 1 after it; 0 = no event. Points older than
+  /// `span` before `now` are left out; an age of 1 us counts as -`per_us` in time.
+  void add_row(const std::uint32_t* stamps, std::uint32_t now, std::uint32_t span, float per_us, float y);
+  [[nodiscard]] int count() const;
   /// nullopt for fewer than three points.
   [[nodiscard]] std::optional<PatchPlane> plane() const;
+
+ private:
+  static constexpr int kLanes = 4;
+  using Lanes [[gnu::vector_size(kLanes * sizeof(float))]] = float;
+  // Sums over the rows of four columns: number, y, y^2, z, z y, z^2.
+  struct Columns {
+    Lanes n{}, y{}, yy{}, z{}, yz{}, zz{};
+  };
+  std::array<Columns, 2> columns_;  // the last column is always zero
 };
 
 /// A straight cluster found: where it is now and how it moves along its normal.
@@ -42,13 +51,17 @@ struct LineSeed {
 class LineDetector {
  public:
   explicit LineDetector(const UndistortMap& undistort);
+  /// Before each batch: how many events of it may be looked at closely. When the batch before had more, only
+  /// every second (third, ...) one is.
+  void begin_batch(double most);
+  /// Events that were left out for this, by now.
+  [[nodiscard]] std::int64_t skipped() const { return skipped_; }
   /// Takes an unclaimed event; a seed when it completes one. `c`: time that counts as a pixel [s/px].
   std::optional<LineSeed> add(const Event& event, double c, double min_length);
 
  private:
-  // Latest first-of-passage event of a pixel and polarity.
+  // What the latest first-of-passage event of a pixel and polarity found.
   struct Cell {
-    std::uint32_t us = 0;
     std::uint32_t cluster = 0;        // serial; 0 = none
     float nx = 0, ny = 0, speed = 0;  // plane: normal along the motion, image speed along it [px/s]
   };
@@ -69,9 +82,12 @@ class LineDetector {
 
   const UndistortMap* undistort_;
   int width_, height_;
+  std::vector<std::uint32_t> stamps_[2];  // of the latest first-of-passage event [us]; 0 = none yet
   std::vector<Cell> cells_[2];
   std::vector<Cluster> pool_;
   std::uint32_t next_serial_ = 1;
+  std::int64_t candidates_ = 0, stride_ = 1;  // of this batch; of how many candidates one is looked at
+  std::int64_t skipped_ = 0;
 };
 
 }  // namespace idol

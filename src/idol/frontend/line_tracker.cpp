@@ -8,6 +8,7 @@ namespace idol {
 namespace {
 
 constexpr double kFastestScale = 0.001, kSlowestScale = 0.025;  // [s/px]
+constexpr int kCell = 2;               // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = 3;        // events this far beyond an end are looked at [px]
 constexpr float kEndZone = 4;          // inside an end: where its support is measured [px]
 constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
@@ -25,9 +26,8 @@ struct LineTracker::Fast {
   float cx, cy, dx, dy, nx, ny, lo, hi, rate, turn, mid, inv_half;
   // Sums over the batch: near events for the state, the rest for the statistics.
   int n = 0;
-  double u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0;
+  float u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0, bow = 0;
   int core = 0, ring = 0, pol = 0, in_lo = 0, in_hi = 0, out_lo = 0, out_hi = 0, claimed = 0;
-  double bow = 0;
   Time last = 0;
   float wanted = 0;  // polarity expected, 0 = any
 };
@@ -46,20 +46,28 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
     }
   low = low.cwiseMax(-size);
   high = high.cwiseMin(2 * size);
-  x0_ = static_cast<int>(std::floor(low.x())) - 4;
-  y0_ = static_cast<int>(std::floor(low.y())) - 4;
-  cols_ = static_cast<int>(std::ceil(high.x())) + 5 - x0_;
-  rows_ = static_cast<int>(std::ceil(high.y())) + 5 - y0_;
+  low_ = low;
+  cols_ = static_cast<int>((high.x() - low.x()) / kCell) + 1;
+  rows_ = static_cast<int>((high.y() - low.y()) / kCell) + 1;
   claims_.resize(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_));
   cell_of_pixel_.resize(pixels);
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
       const Eigen::Vector2f p = undistort(x, y).cwiseMax(low).cwiseMin(high);
-      cell_of_pixel_[static_cast<std::size_t>(y) * w + x] =
-          static_cast<std::uint32_t>((std::lround(p.y()) - y0_) * cols_ + std::lround(p.x()) - x0_);
+      const Eigen::Vector2i cell = ((p - low_) / kCell).cast<int>();
+      cell_of_pixel_[static_cast<std::size_t>(y) * w + x] = static_cast<std::uint32_t>(cell.y() * cols_ + cell.x());
     }
   last_any_.resize(pixels);
   lonely_.resize(pixels);
+}
+
+std::size_t LineTracker::batch_length(std::span<const Event> events, Time origin) const {
+  const Time step = from_seconds(options_.batch_s);
+  const Time end = origin + ((events.front().t - origin) / step + 1) * step;
+  const auto most = std::min(events.size(), static_cast<std::size_t>(options_.batch_events));
+  std::size_t n = 0;
+  while (n < most && events[n].t < end) ++n;
+  return n;
 }
 
 LineId LineTracker::final_id(LineId id) const {
@@ -101,32 +109,32 @@ void LineTracker::predict(LineTrack& track, Time t) const {
   track.x[0] = track.x[1] = 0;
 }
 
-// Names the line in all cells within `band` of it.
+// Names the line in all cells that come within `band` of it.
 void LineTracker::draw(std::uint16_t index, const Fast& line, float band) {
   const bool flat = std::abs(line.dx) > std::abs(line.dy);
-  // Walk along the longer axis; at each step the cells across.
-  const float ax = flat ? line.dx : line.dy, ay = flat ? line.dy : line.dx;
-  const float cx = flat ? line.cx : line.cy, cy = flat ? line.cy : line.cx;
-  float p = cx + (line.lo - kEndMargin) * ax, q = cx + (line.hi + kEndMargin) * ax;
-  if (p > q) std::swap(p, q);
-  const int o = flat ? x0_ : y0_, o2 = flat ? y0_ : x0_;
-  const int n = flat ? cols_ : rows_, n2 = flat ? rows_ : cols_;
-  const int first = std::max(0, static_cast<int>(std::floor(p)) - o);
-  const int last = std::min(n - 1, static_cast<int>(std::ceil(q)) - o);
-  const float slope = ay / ax, reach = band * std::sqrt(1 + slope * slope);
+  // In cells: walk along the longer axis; at each step those across.
+  const float along = flat ? line.dx : line.dy, slope = (flat ? line.dy : line.dx) / along;
+  const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) / kCell;
+  const float p0 = flat ? centre.x() : centre.y(), q0 = flat ? centre.y() : centre.x();
+  const float from = p0 + (line.lo - kEndMargin) * along / kCell, to = p0 + (line.hi + kEndMargin) * along / kCell;
+  const int n = flat ? cols_ : rows_, across = flat ? rows_ : cols_;
+  const int step = flat ? cols_ : 1, stride = flat ? 1 : cols_;
+  const float reach = band / kCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
+  const int first = std::max(0, static_cast<int>(std::floor(std::min(from, to))));
+  const int last = std::min(n - 1, static_cast<int>(std::floor(std::max(from, to))));
   for (int i = first; i <= last; ++i) {
-    const float middle = cy + (static_cast<float>(i + o) - cx) * slope - static_cast<float>(o2);
-    const int from = std::max(0, static_cast<int>(std::floor(middle - reach)));
-    const int to = std::min(n2 - 1, static_cast<int>(std::ceil(middle + reach)));
-    for (int j = from; j <= to; ++j) {
-      const int cell = flat ? j * cols_ + i : i * cols_ + j;
-      Claim& claim = claims_[static_cast<std::size_t>(cell)];
-      if (claim.a == 0) {
-        claim.a = index;
-        drawn_.push_back(static_cast<std::uint32_t>(cell));
-      } else if (claim.b == 0 && claim.a != index) {
-        claim.b = index;
-      }
+    const float middle = q0 + (static_cast<float>(i) + 0.5F - p0) * slope;
+    const int low = std::max(0, static_cast<int>(std::floor(middle - reach)));
+    const int high = std::min(across - 1, static_cast<int>(std::floor(middle + reach)));
+    for (int j = low; j <= high; ++j) {
+      const auto cell = static_cast<std::uint32_t>(i * stride + j * step);
+      auto& named = claims_[cell].line;
+      if (named[0] == 0) drawn_.push_back(cell);
+      for (auto& slot : named)
+        if (slot == 0) {
+          slot = index;
+          break;
+        }
     }
   }
 }
@@ -157,7 +165,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     if (std::abs(f.rate) > 40 && std::abs(track.contrast) > 0.6 * (track.core + 1) && track.core > 20)
       f.wanted = (track.contrast > 0) == (f.rate > 0) ? 1.0F : -1.0F;
     const float most = std::abs(f.rate) + std::abs(f.turn) * (f.hi - f.lo) / 2;
-    draw(static_cast<std::uint16_t>(k + 1), f, outer + 0.75F + std::min(4.0F, most * half_span));
+    draw(static_cast<std::uint16_t>(k + 1), f, outer + std::min(4.0F, most * half_span));
   }
 
   const int w = undistort_->width();
@@ -167,8 +175,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     labels[i] = kNoLine;
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
     if (lonely_[pixel] >= kHot) continue;
-    const Claim claim = claims_[cell_of_pixel_[pixel]];
-    if (claim.a == 0) {
+    const Claim& claim = claims_[cell_of_pixel_[pixel]];
+    if (claim.line[0] == 0) {
       rest.push_back(i);
       continue;
     }
@@ -176,8 +184,9 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     const auto dt = static_cast<float>(seconds_between(middle, e.t));
     float best = outer, best_u = 0, second = 1e9F;
     int chosen = -1;
-    for (const int k : {claim.a - 1, claim.b - 1}) {
-      if (k < 0) break;
+    for (const std::uint16_t named : claim.line) {
+      if (named == 0) break;
+      const int k = named - 1;
       const Fast& f = fast[static_cast<std::size_t>(k)];
       const float x = px.x() - f.cx, y = px.y() - f.cy;
       const float u = f.dx * x + f.dy * y;
@@ -218,11 +227,10 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     if (!inside) continue;
     f.pol += e.polarity ? 1 : -1;
     if (f.wanted != 0 && sign != f.wanted) continue;
-    const double r = best, u = best_u;
     ++f.n;
-    f.u += u, f.uu += u * u, f.r += r, f.ur += u * r, f.t += dt, f.rr += r * r;
-    const double v = (best_u - f.mid) * f.inv_half;
-    f.bow += r * (1.5 * v * v - 0.5);
+    f.u += best_u, f.uu += best_u * best_u, f.r += best, f.ur += best_u * best, f.t += dt, f.rr += best * best;
+    const float v = (best_u - f.mid) * f.inv_half;
+    f.bow += best * (1.5F * v * v - 0.5F);
   }
   for (const std::uint32_t cell : drawn_) claims_[cell] = {};
   drawn_.clear();
@@ -238,6 +246,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   const auto now_us = [](Time t) { return static_cast<std::uint32_t>(t / 1000); };
   const auto support = static_cast<std::uint32_t>(std::clamp(4 * c_, 0.005, 0.05) * 1e6);
   const int h = undistort_->height();
+  detector_.begin_batch(options_.detect_rate * std::max(1e-3, seconds_between(begin, end)));
   for (const std::uint32_t i : rest) {
     const Event& e = events[i];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;

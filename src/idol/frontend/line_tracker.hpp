@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -16,13 +17,14 @@
 namespace idol {
 
 struct TrackOptions {
-  double batch_s = 0.002;
+  double batch_s = 0.004;
   int batch_events = 4000;
   double gate_px = 1.5;
   double min_length_px = 12;
   double max_bow_px = 0.8;
   double max_quiet_s = 0.3;
   int max_lines = 200;
+  double detect_rate = 1e5;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -33,6 +35,8 @@ struct TrackOptions {
     visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a track that bends more is not a line [px]");
     visit("max_quiet_s", self.max_quiet_s, Range{0.01, 10},
           "a track without events for this long is dropped [s]");
+    visit("detect_rate", self.detect_rate, Range{1e3, 1e9},
+          "events a second that are looked at for new lines; more are thinned evenly [1/s]");
     visit("max_lines", self.max_lines, Range{1, 4000}, "tracks at a time");
   }
 };
@@ -61,6 +65,8 @@ class LineTracker {
  public:
   LineTracker(const TrackOptions& options, const UndistortMap& undistort);
 
+  /// How many of `events` make the next batch: batches tile the time from `origin` on, and end early when full.
+  [[nodiscard]] std::size_t batch_length(std::span<const Event> events, Time origin) const;
   /// Labels a batch of events (time order, all inside one batch); -1 = none. Ids of unconfirmed tracks count
   /// too.
   void process(std::span<const Event> events, LineId* labels);
@@ -98,10 +104,11 @@ class LineTracker {
   std::vector<Eigen::Vector2d> normals_;
   double c_ = 0.01;
   Time next_merge_ = 0;
-  // The undistorted plane in cells of one pixel, each naming up to two lines.
-  int x0_ = 0, y0_ = 0, cols_ = 0, rows_ = 0;
+  // The undistorted plane in cells, each naming up to three lines.
+  Eigen::Vector2f low_ = Eigen::Vector2f::Zero();  // corner of the first cell
+  int cols_ = 0, rows_ = 0;
   struct Claim {
-    std::uint16_t a = 0, b = 0;  // index + 1
+    std::array<std::uint16_t, 3> line{};  // index + 1; 0 = none
   };
   std::vector<Claim> claims_;
   std::vector<std::uint32_t> drawn_;

@@ -42,6 +42,7 @@ Eigen::Vector2d MovingLine::point(double u, double t_s) const {
 
 std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, const Eigen::Vector2d& normal,
                                           double gate_px) {
+  constexpr int kRounds = 3;
   if (events.size() < 8) return std::nullopt;
   TimedPixel mean = TimedPixel::Zero();
   for (const auto& e : events) mean += e / static_cast<double>(events.size());
@@ -51,18 +52,25 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
   line.direction = Eigen::Vector2d(normal.y(), -normal.x()).normalized();
   double gate = 1e9;
   std::vector<double> feet;
-  for (int round = 0; round < 3; ++round) {
+  feet.reserve(events.size());
+  Eigen::Matrix<double, 6, 6> H;
+  Vec6 b;
+  for (int round = 0; round < kRounds; ++round) {
     // Turn the frame onto the line found so far: the model is linear for small slopes only.
-    line.direction = (line.direction + line.c[1] * Eigen::Vector2d(-line.direction.y(), line.direction.x())).normalized();
+    line.direction =
+        (line.direction + line.c[1] * Eigen::Vector2d(-line.direction.y(), line.direction.x())).normalized();
     line.c[1] = 0;
-    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
-    Vec6 b = Vec6::Zero();
+    H.setZero();
+    b.setZero();
     feet.clear();
+    double squares = 0;
     for (const auto& e : events) {
-      if (round > 0 && std::abs(line.distance(e)) > gate) continue;
       const Vec6 a = terms(line, e);
+      const double w = across(line, e);
+      if (std::abs(w - line.c.dot(a.head<5>())) > gate) continue;
       H += a * a.transpose();
-      b += a * across(line, e);
+      b += a * w;
+      squares += w * w;
       feet.push_back(a[1]);
     }
     if (feet.size() < 8) return std::nullopt;
@@ -74,23 +82,20 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
     Hs.diagonal().array() += 1e-4 * n;
     const Vec6 bs = inverse.cwiseProduct(b);
     line.c = inverse.head<5>().cwiseProduct(Hs.topLeftCorner<5, 5>().ldlt().solve(bs.head<5>()));
-    const Vec6 bent = inverse.cwiseProduct(Hs.ldlt().solve(bs));
-
-    std::sort(feet.begin(), feet.end());
-    const std::size_t cut = feet.size() / 50;
-    line.u_min = feet[cut];
-    line.u_max = feet[feet.size() - 1 - cut];
-    line.bow_px = std::abs(bent[5]) * std::pow(line.length_px() / 2, 2);
-    double sum = 0;
-    int inliers = 0;
-    for (const auto& e : events) {
-      const double d = line.distance(e);
-      if (round > 0 && std::abs(d) > gate) continue;
-      sum += d * d;
-      ++inliers;
-    }
-    line.rms_px = std::sqrt(sum / std::max(1, inliers));
+    const double left =
+        squares - 2 * line.c.dot(b.head<5>()) + line.c.dot(H.topLeftCorner<5, 5>() * line.c);
+    line.rms_px = std::sqrt(std::max(0.0, left) / n);
     gate = std::clamp(2.5 * line.rms_px, 0.5 * gate_px, round == 0 ? 2 * gate_px : gate_px);
+    if (round + 1 < kRounds) continue;
+    const std::size_t cut = feet.size() / 50;
+    const auto low = feet.begin() + static_cast<std::ptrdiff_t>(cut);
+    const auto high = feet.end() - 1 - static_cast<std::ptrdiff_t>(cut);
+    std::nth_element(feet.begin(), low, feet.end());
+    line.u_min = *low;
+    std::nth_element(low, high, feet.end());
+    line.u_max = *high;
+    line.bow_px =
+        std::abs((Hs.ldlt().solve(bs))[5] * inverse[5]) * std::pow(line.length_px() / 2, 2);
   }
   return line;
 }

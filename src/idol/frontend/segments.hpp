@@ -1,12 +1,9 @@
-// The paper's front-end (V): local normals, region growing, links between windows; then the test that a
-// cluster is a straight moving line.
+// What the front-end makes of a window of events: straight moving lines, and the line of each event.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <map>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -26,7 +23,7 @@ constexpr std::array<std::string_view, 2> kSegmentMethodNames{"paper", "track"};
 constexpr std::span<const std::string_view> option_names(SegmentMethod) { return kSegmentMethodNames; }
 
 struct SegmentOptions {
-  SegmentMethod method = SegmentMethod::kPaper;
+  SegmentMethod method = SegmentMethod::kTrack;
   TrackOptions track;
   double radius_px = 3.0;
   double c_s_per_px = 0;
@@ -43,7 +40,6 @@ struct SegmentOptions {
   double max_bow_px = 0.8;
   double min_inliers = 0.7;
   double memory_s = 0.15;
-  int cluster_events = 12000;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -78,16 +74,12 @@ struct SegmentOptions {
     visit("memory_s", self.memory_s, Range{0, 10},
           "a segment without links takes the id of a recent line that would now lie here; 0: links only (the "
           "paper) [s]");
-    visit("cluster_events", self.cluster_events, Range{0, 1e7},
-          "of a window with more events, this many are clustered, evenly spread, and then all events near "
-          "the lines "
-          "found are given to them; 0: all events are clustered and what is not, is of no line (the paper)");
   }
 };
 
-/// A straight cluster of one window.
+/// Events of one line in one window.
 struct Segment {
-  LineId id = kNoLine;                ///< unique over the recording; kept from window to window by the links
+  LineId id = kNoLine;                ///< unique over the recording; kept from window to window
   std::vector<std::uint32_t> events;  ///< indices into the window's events, in time order
   MovingLine line;                    ///< its fitted line, time in s since the window's begin
 };
@@ -102,39 +94,11 @@ struct SegmentedWindow {
 /// Turns windows into segments, one after the other.
 class Segmenter {
  public:
-  Segmenter(const SegmentOptions& options, const UndistortMap& undistort);
-  SegmentedWindow process(const EventWindow& window);
-
- private:
-  // A line as last seen.
-  struct Memory {
-    MovingLine line;
-    Time window_begin = 0;
-    Time last = 0;
-  };
-
-  [[nodiscard]] std::vector<std::uint32_t> choose(const EventWindow& window) const;
-  void claim(const EventWindow& window, std::vector<Segment>& segments) const;
-  [[nodiscard]] std::optional<Segment> fit_segment(const EventWindow& window,
-                                                   std::span<const std::uint32_t> cluster,
-                                                   const Eigen::Vector2d& normal) const;
-  void link(const EventWindow& window, std::vector<Segment>& segments);
-  [[nodiscard]] LineId recall(const EventWindow& window, const Segment& segment) const;
-  void remember(const EventWindow& window, const std::vector<Segment>& segments);
-  void adapt_scale(double speed_px_s);
-
-  void label(const EventWindow& window, std::vector<LineId>& ids);
-  SegmentedWindow process_tracks(const EventWindow& window);
-  [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
-                                                    std::span<const std::uint32_t> events, LineId id) const;
-
-  SegmentOptions options_;
-  const UndistortMap* undistort_;
-  std::unique_ptr<LineTracker> tracker_;  // of method `track`
-  double c_;                              // [s/px]
-  LineId next_id_ = 0;
-  std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
-  std::map<LineId, Memory> memory_;
+  virtual ~Segmenter() = default;
+  virtual SegmentedWindow process(const EventWindow& window) = 0;
 };
+
+/// The segmenter of `options.method`. `undistort` must outlive it.
+std::unique_ptr<Segmenter> make_segmenter(const SegmentOptions& options, const UndistortMap& undistort);
 
 }  // namespace idol

@@ -47,7 +47,7 @@ Odometry::Odometry(const Rig& rig, const Options& options)
       undistort_(rig.camera),
       imu_(options.imu.max_gap_s),
       windower_(options.window),
-      segmenter_(options.segment, undistort_),
+      segmenter_(make_segmenter(options.segment, undistort_)),
       smoother_(make_backend(rig, options.backend)) {}
 
 void Odometry::push(const ImuSample& sample) {
@@ -153,7 +153,7 @@ void Odometry::process(const EventWindow& window) {
                                   static_cast<double>(window.begin) / kNsPerS),
                       saturated);
   double integrate_s = watch.lap();
-  const SegmentedWindow segments = segmenter_.process(window);
+  const SegmentedWindow segments = segmenter_->process(window);
   const double segment_s = watch.lap();
   measurement.still = rest_.update(window, segments.segments.size(), imu_.slice(window.begin, window.end, 0), from.bias,
                                    options_.backend.gravity);

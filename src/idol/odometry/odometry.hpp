@@ -94,7 +94,7 @@ class Odometry {
   UndistortMap undistort_;
   ImuBuffer imu_;
   Windower windower_;
-  Segmenter segmenter_;
+  std::unique_ptr<Segmenter> segmenter_;
   std::unique_ptr<Backend> smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;

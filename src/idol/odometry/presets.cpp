@@ -14,7 +14,7 @@ constexpr std::array<std::string_view, 2> kNames{"realtime", "paper"};
 Options paper() {
   Options options;
   options.window.max_duration_s = 0.1;
-  options.segment.cluster_events = 0;
+  options.segment.method = SegmentMethod::kPaper;
   options.imu.method = PreintegrationMethod::kGpm;
   options.backend.method = BackendMethod::kBatch;
   options.backend.min_windows = 4;

@@ -1,0 +1,328 @@
+// Judges the segments of simulated recordings against their true lines; prints rows of docs/results_frontend.md:
+//   study_frontend [KEY=VALUE | from=S | to=S | noise=HZ]... SEQUENCE...
+// KEY: an option of `idol config`; noise: events of noise added, per pixel and second.
+#include <fmt/format.h>
+
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <exception>
+#include <map>
+#include <random>
+#include <string>
+
+#include "idol/base/options.hpp"
+#include "idol/base/rig.hpp"
+#include "idol/odometry/presets.hpp"
+#include "true_lines.hpp"
+
+namespace idol::bench {
+namespace {
+
+constexpr double kNear = 1.5;       // [px], of one and the same line
+constexpr double kLong = 30;        // [px]
+constexpr double kSlot = 0.001;     // [s]: one projection of the true lines for all its events
+constexpr double kPart = 0.05;      // [s]: a segment is judged in parts of this length
+constexpr double kViewStep = 0.01;  // [s]
+
+struct Settings {
+  Options options;
+  double from_s = 1.5, to_s = 1e30, noise_hz = 0;
+};
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Events of a segment near each true line.
+struct Votes {
+  std::map<int, int> lines;
+  int events = 0, near_any = 0;  // near_any: some listed line within 3 px
+  Time first = 0, last = 0;
+
+  [[nodiscard]] std::pair<int, int> best() const {  // line, events
+    std::pair<int, int> out{-1, 0};
+    for (const auto& [line, n] : lines)
+      if (n > out.second) out = {line, n};
+    return out;
+  }
+};
+
+// Share of the events that lie near their segment's best line.
+struct Purity {
+  double pure = 0, events = 0, near_any = 0;
+  void add(const Votes& v) {
+    pure += v.best().second, events += v.events, near_any += v.near_any;
+  }
+};
+
+// True lines by cells of the undistorted image, for one slot of time.
+class Lookup {
+ public:
+  static constexpr int kCell = 4, kReach = 5, kBorder = 120;
+
+  Lookup(int width, int height)
+      : cols_((width + 2 * kBorder) / kCell + 1), rows_((height + 2 * kBorder) / kCell + 1),
+        cells_(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_)) {}
+
+  void fill(std::vector<TrueImage> lines) {
+    for (auto& cell : cells_) cell.clear();
+    lines_ = std::move(lines);
+    for (std::uint32_t k = 0; k < lines_.size(); ++k) {
+      const Vec2 d = lines_[k].b - lines_[k].a;
+      const int steps = static_cast<int>(d.norm() / kCell) + 1;
+      for (int s = 0; s <= steps; ++s) mark(lines_[k].a + d * s / steps, k);
+    }
+  }
+
+  /// Calls take(line, distance) for lines that may be near.
+  template <class Take>
+  void near(const Vec2& px, Take&& take) const {
+    const int c = column(px), r = row(px);
+    if (c < 0 || r < 0 || c >= cols_ || r >= rows_) return;
+    for (const std::uint32_t k : cells_[static_cast<std::size_t>(r * cols_ + c)])
+      take(lines_[k], distance_to_segment(px, lines_[k]));
+  }
+
+ private:
+  [[nodiscard]] int column(const Vec2& px) const {
+    return static_cast<int>(std::floor((px.x() + kBorder) / kCell));
+  }
+  [[nodiscard]] int row(const Vec2& px) const {
+    return static_cast<int>(std::floor((px.y() + kBorder) / kCell));
+  }
+  void mark(const Vec2& px, std::uint32_t k) {
+    constexpr int kCells = kReach / kCell + 1;
+    for (int r = row(px) - kCells; r <= row(px) + kCells; ++r)
+      for (int c = column(px) - kCells; c <= column(px) + kCells; ++c) {
+        if (c < 0 || r < 0 || c >= cols_ || r >= rows_) continue;
+        auto& cell = cells_[static_cast<std::size_t>(r * cols_ + c)];
+        if (cell.empty() || cell.back() != k) cell.push_back(k);
+      }
+  }
+
+  int cols_, rows_;
+  std::vector<std::vector<std::uint32_t>> cells_;
+  std::vector<TrueImage> lines_;
+};
+
+class Judge {
+ public:
+  Judge(const std::filesystem::path& sequence, const Camera& camera)
+      : truth_(sequence, camera), undistort_(camera), lookup_(camera.width, camera.height) {}
+
+  void add(const EventWindow& window, const SegmentedWindow& segments) {
+    for (std::size_t i = window.overlap; i < window.events.size(); ++i) {
+      const Event& e = window.events[i];
+      const Time slot = e.t / from_seconds(kSlot);
+      if (slot != slot_) {
+        slot_ = slot;
+        lookup_.fill(truth_.seen((2 * slot + 1) * from_seconds(kSlot) / 2));
+      }
+      judge_event(e, segments.ids[i]);
+    }
+    judge_fits(window, segments);
+    for (; next_view_ <= window.end; next_view_ += from_seconds(kViewStep)) look();
+  }
+
+  [[nodiscard]] std::string row() {
+    Purity part, life;
+    for (const auto& [key, votes] : parts_) part.add(votes);
+    for (const auto& [id, votes] : tracks_) life.add(votes);
+    const auto [lives, longest] = track_lives();
+    return fmt::format("{:.3f} ({:.3f}) | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
+                       part.pure / part.events, part.pure / part.near_any, life.pure / life.events,
+                       static_cast<double>(found_) / wanted_, median(offsets_), median(angles_), median(lives),
+                       median(longest), tracks_.size());
+  }
+
+  void start(Time t) { next_view_ = t; }
+
+ private:
+  void judge_event(const Event& e, LineId id) {
+    const Vec2 px = undistort_(e.x, e.y).cast<double>();
+    double nearest = 1e9, second = 1e9, length = 0;
+    std::array<int, 32> near{};
+    std::size_t count = 0;
+    lookup_.near(px, [&](const TrueImage& line, double distance) {
+      if (distance < kNear && count < near.size()) near[count++] = line.line;
+      if (distance < nearest) {
+        second = nearest;
+        nearest = distance;
+        length = line.length;
+      } else {
+        second = std::min(second, distance);
+      }
+    });
+    if (nearest < 1 && length > 20 && second > 4) {
+      ++wanted_;
+      found_ += id != kNoLine ? 1 : 0;
+    }
+    if (id == kNoLine) return;
+    for (Votes* votes : {&parts_[{id, e.t / from_seconds(kPart)}], &tracks_[id]}) {
+      if (votes->events++ == 0) votes->first = e.t;
+      votes->last = e.t;
+      votes->near_any += nearest < 3 ? 1 : 0;
+      for (std::size_t k = 0; k < count; ++k) ++votes->lines[near[k]];
+    }
+  }
+
+  // Fitted lines at their middle time against the true line of most of their events.
+  void judge_fits(const EventWindow& window, const SegmentedWindow& segments) {
+    for (const Segment& s : segments.segments) {
+      const Time t = window.begin + from_seconds(s.line.time);
+      const Vec2 a = s.line.point(s.line.u_min, s.line.time), b = s.line.point(s.line.u_max, s.line.time);
+      const auto it = tracks_.find(s.id);
+      if (it == tracks_.end()) continue;
+      const int best = it->second.best().first;
+      for (const TrueImage& line : truth_.seen(t)) {
+        if (line.line != best) continue;
+        const Vec2 along = (line.b - line.a).normalized(), across(-along.y(), along.x());
+        const double ea = across.dot(a - line.a), eb = across.dot(b - line.a);
+        offsets_.push_back(std::sqrt((ea * ea + eb * eb) / 2));
+        if (s.line.length_px() > kLong)
+          angles_.push_back(180 / M_PI * std::atan(std::abs(ea - eb) / s.line.length_px()));
+      }
+    }
+  }
+
+  // Which lines are in view, longer than kLong, now.
+  void look() {
+    for (const TrueImage& line : truth_.seen(next_view_)) {
+      if (line.length < kLong) continue;
+      auto& spans = in_view_[line.line];
+      if (spans.empty() || next_view_ - spans.back().second > from_seconds(1.5 * kViewStep))
+        spans.emplace_back(next_view_, next_view_);
+      spans.back().second = next_view_;
+    }
+  }
+
+  // Life of each track over the time that its line stays in view, and the best of each line.
+  [[nodiscard]] std::pair<std::vector<double>, std::vector<double>> track_lives() const {
+    std::vector<double> lives, longest;
+    std::map<std::pair<int, Time>, double> best;
+    for (const auto& [id, votes] : tracks_) {
+      const int line = votes.best().first;
+      const auto spans = in_view_.find(line);
+      if (spans == in_view_.end()) continue;
+      const Time middle = (votes.first + votes.last) / 2;
+      for (const auto& [from, to] : spans->second) {
+        if (middle < from || middle > to || seconds_between(from, to) < 0.3) continue;
+        const double share = std::min(1.0, seconds_between(votes.first, votes.last) / seconds_between(from, to));
+        lives.push_back(share);
+        double& most = best[{line, from}];
+        most = std::max(most, share);
+      }
+    }
+    for (const auto& [key, share] : best) longest.push_back(share);
+    return {lives, longest};
+  }
+
+  TrueLines truth_;
+  UndistortMap undistort_;
+  Lookup lookup_;
+  Time slot_ = -1, next_view_ = 0;
+  std::map<std::pair<LineId, Time>, Votes> parts_;
+  std::map<LineId, Votes> tracks_;
+  std::map<int, std::vector<std::pair<Time, Time>>> in_view_;
+  std::int64_t wanted_ = 0, found_ = 0;
+  std::vector<double> offsets_, angles_;
+};
+
+std::vector<Event> read_events(const std::filesystem::path& sequence, const Camera& camera,
+                               const Settings& settings) {
+  ReaderOptions reading;
+  reading.need_imu = false;
+  reading.to_s = settings.to_s;
+  std::vector<Event> events;
+  const auto reader = open_reader(sequence, reading);
+  while (const auto packet = reader->next())
+    events.insert(events.end(), packet->events.begin(), packet->events.end());
+  if (events.empty() || settings.noise_hz <= 0) return events;
+  std::mt19937 rng(1);
+  const Time begin = events.front().t, end = events.back().t;
+  const auto count = static_cast<std::size_t>(settings.noise_hz * camera.width * camera.height *
+                                              seconds_between(begin, end));
+  std::uniform_int_distribution<Time> time(begin, end);
+  for (std::size_t i = 0; i < count; ++i)
+    events.push_back({time(rng), static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.width)),
+                      static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.height)), rng() % 2 == 0});
+  std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  return events;
+}
+
+// The front-end sees the recording from its begin on; judged is from `from_s` on.
+void study(const std::filesystem::path& sequence, const Settings& settings) {
+  const auto camera = find_camera(sequence, {}, nullptr);
+  if (!camera) throw DataError(sequence.string() + ": no calibration");
+  const auto events = read_events(sequence, *camera, settings);
+  if (events.empty()) throw DataError(sequence.string() + ": no events");
+  const UndistortMap undistort(*camera);
+  const auto segmenter = make_segmenter(settings.options.segment, undistort);
+  Windower windower(settings.options.window);
+  Judge judge(sequence, *camera);
+  const Time from = events.front().t + from_seconds(settings.from_s);
+  judge.start(from);
+  double seconds = 0;
+  std::size_t judged = 0;
+  const auto process = [&](const EventWindow& window) {
+    const auto before = std::chrono::steady_clock::now();
+    const SegmentedWindow segments = segmenter->process(window);
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - before;
+    if (window.begin < from) return;
+    seconds += spent.count();
+    judged += window.events.size() - window.overlap;
+    judge.add(window, segments);
+  };
+  for (const Event& e : events) {
+    windower.push({&e, 1});
+    while (const auto window = windower.pop()) process(*window);
+  }
+  fmt::print("| {} | {} {:.2f} |\n", sequence.filename().string(), judge.row(),
+             1e-6 * static_cast<double>(judged) / seconds);
+  std::fflush(stdout);
+}
+
+int run(int argc, char** argv) {
+  Settings settings;
+  settings.options = preset("realtime");
+  std::vector<OptionField> fields;
+  list_fields(settings.options, fields);
+  fmt::print(
+      "| recording | purity (of those within 3 px of a listed line) | purity over life | recall | fit at the "
+      "middle | life of tracks / in view | longest track / in view | tracks | Mev/s |\n"
+      "|---|---|---|---|---|---|---|---|---|\n");
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto equals = argument.find('=');
+    if (equals == std::string::npos) {
+      study(std::filesystem::path(argument).lexically_normal(), settings);
+      continue;
+    }
+    const std::string key = argument.substr(0, equals), value = argument.substr(equals + 1);
+    if (key == "from")
+      settings.from_s = std::stod(value);
+    else if (key == "to")
+      settings.to_s = std::stod(value);
+    else if (key == "noise")
+      settings.noise_hz = std::stod(value);
+    else
+      set_option(fields, key, value, "study_frontend");
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace idol::bench
+
+int main(int argc, char** argv) {
+  try {
+    return idol::bench::run(argc, argv);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "study_frontend: {}\n", e.what());
+    return 1;
+  }
+}

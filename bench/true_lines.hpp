@@ -1,0 +1,100 @@
+// The true lines of a simulated recording in the image, at any time.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <vector>
+
+#include "idol/base/camera.hpp"
+#include "idol/io/reader.hpp"
+#include "idol/io/table.hpp"
+
+namespace idol::bench {
+
+constexpr double kTrail = 0.0007;  // [s] that events come after the edge
+
+/// A true line in the undistorted image, cut to what the camera can see.
+struct TrueImage {
+  int line = 0;
+  Vec2 a, b;
+  double length = 0;  ///< of what lies on the sensor [px]
+};
+
+class TrueLines {
+ public:
+  TrueLines(const std::filesystem::path& sequence, const Camera& camera) : camera_(camera) {
+    read_table(sequence / "lines_truth.csv", "ax,ay,az,bx,by,bz,kind,group,contrast",
+               [&](const TableRow& row) {
+                 if (row.integer(7) < 0) ends_.push_back({row.vec3(0), row.vec3(3)});
+               });
+    const auto truth = read_groundtruth(sequence);
+    if (!truth) throw DataError(sequence.string() + ": no ground truth");
+    poses_ = *truth;
+  }
+
+  /// Edges whose events arrive at `t`.
+  [[nodiscard]] std::vector<TrueImage> seen(Time t) const {
+    const Pose T_c_w = pose(t - from_seconds(kTrail)).inverse();
+    std::vector<TrueImage> out;
+    for (std::size_t k = 0; k < ends_.size(); ++k) {
+      Vec3 a = T_c_w * ends_[k].a, b = T_c_w * ends_[k].b;
+      constexpr double kNear = 0.05;
+      if (a.z() < kNear && b.z() < kNear) continue;
+      if (a.z() < kNear) a = b + (b.z() - kNear) / (b.z() - a.z()) * (a - b);
+      if (b.z() < kNear) b = a + (a.z() - kNear) / (a.z() - b.z()) * (b - a);
+      const TrueImage line = on_sensor(static_cast<int>(k), a, b);
+      if (line.length > 0) out.push_back(line);
+    }
+    return out;
+  }
+
+ private:
+  struct Ends {
+    Vec3 a, b;
+  };
+
+  [[nodiscard]] Pose pose(Time t) const {
+    auto after = std::lower_bound(poses_.begin(), poses_.end(), t,
+                                  [](const StampedPose& p, Time time) { return p.t < time; });
+    after = std::clamp(after, poses_.begin() + 1, poses_.end() - 1);
+    const auto before = after - 1;
+    const double alpha = seconds_between(before->t, t) / seconds_between(before->t, after->t);
+    return interpolate(before->T, after->T, std::clamp(alpha, 0.0, 1.0));
+  }
+
+  // The part between the first and the last of some points on it that the sensor sees.
+  [[nodiscard]] TrueImage on_sensor(int line, const Vec3& a, const Vec3& b) const {
+    constexpr int kSteps = 40;
+    constexpr double kWidest = 1.2;  // beyond these normalised coordinates distortion models turn around
+    int first = -1, last = -1;
+    for (int k = 0; k <= kSteps; ++k) {
+      const Vec3 x = a + (b - a) * k / kSteps;
+      const Vec2 m(x.x() / x.z(), x.y() / x.z());
+      if (m.norm() > kWidest) continue;
+      const Vec2 px = camera_.distort(m);
+      if (px.x() < 0 || px.y() < 0 || px.x() > camera_.width - 1 || px.y() > camera_.height - 1) continue;
+      if (first < 0) first = k;
+      last = k;
+    }
+    TrueImage out;
+    out.line = line;
+    if (first < 0) return out;
+    out.a = camera_.project(a + (b - a) * first / kSteps);
+    out.b = camera_.project(a + (b - a) * last / kSteps);
+    out.length = (out.b - out.a).norm();
+    return out;
+  }
+
+  Camera camera_;
+  std::vector<Ends> ends_;
+  Trajectory poses_;
+};
+
+inline double distance_to_segment(const Vec2& p, const TrueImage& line) {
+  const Vec2 d = line.b - line.a;
+  const double u = std::clamp((p - line.a).dot(d) / std::max(1e-12, d.squaredNorm()), 0.0, 1.0);
+  return (p - line.a - u * d).norm();
+}
+
+}  // namespace idol::bench

@@ -1,0 +1,100 @@
+#include "idol/frontend/track_segmenter.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace idol {
+namespace {
+
+constexpr std::size_t kFitEvents = 250;  // of a segment, spread evenly: more do not sharpen a fit
+
+}  // namespace
+
+void TrackSegmenter::label(const EventWindow& window, std::vector<LineId>& ids) {
+  const auto& events = window.events;
+  ids.assign(events.size(), kNoLine);
+  const std::size_t kept = std::min(window.overlap, previous_ids_.size());
+  std::copy(previous_ids_.end() - static_cast<std::ptrdiff_t>(kept), previous_ids_.end(),
+            ids.begin() + static_cast<std::ptrdiff_t>(window.overlap - kept));
+  for (std::size_t i = window.overlap; i < events.size();) {
+    const std::size_t n = tracker_.batch_length(std::span(events).subspan(i), window.begin);
+    tracker_.process({&events[i], n}, &ids[i]);
+    i += n;
+  }
+}
+
+SegmentedWindow TrackSegmenter::process(const EventWindow& window) {
+  SegmentedWindow out;
+  label(window, out.ids);
+  sort_by_track(out);
+  previous_ids_ = out.ids;
+  out.c_s_per_px = tracker_.c_s_per_px();
+  out.speed_px_s = 1 / out.c_s_per_px;
+  std::erase_if(out.segments, [&](Segment& s) {
+    std::optional<MovingLine> line;
+    if (tracker_.confirmed(s.id) && std::ssize(s.events) >= options_.min_events)
+      line = fit_track(window, s.events, s.id);
+    if (line) {
+      s.line = *line;
+      return false;
+    }
+    for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
+    return true;
+  });
+  return out;
+}
+
+// One segment for each track that has events, in the order of ids; merged tracks are one.
+void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
+  LineId least = std::numeric_limits<LineId>::max(), most = kNoLine;
+  for (const LineId id : out.ids) {
+    if (id == kNoLine) continue;
+    least = std::min(least, id);
+    most = std::max(most, id);
+  }
+  if (most == kNoLine) return;
+  std::vector<LineId> goes_on(static_cast<std::size_t>(most - least + 1), kNoLine);
+  std::vector<std::uint32_t> counts(goes_on.size());
+  for (LineId& id : out.ids) {
+    if (id == kNoLine) continue;
+    LineId& known = goes_on[static_cast<std::size_t>(id - least)];
+    if (known == kNoLine) known = tracker_.final_id(id);
+    id = known;
+    // A track may go on as one that has no events of its own here.
+    if (id < least) {
+      const auto more = static_cast<std::size_t>(least - id);
+      goes_on.insert(goes_on.begin(), more, kNoLine);
+      counts.insert(counts.begin(), more, 0);
+      least = id;
+    }
+    ++counts[static_cast<std::size_t>(id - least)];
+  }
+  std::vector<std::uint32_t> slots(counts.size());
+  for (std::size_t k = 0; k < counts.size(); ++k) {
+    if (counts[k] == 0) continue;
+    slots[k] = static_cast<std::uint32_t>(out.segments.size());
+    out.segments.push_back({least + static_cast<LineId>(k), {}, {}});
+    out.segments.back().events.reserve(counts[k]);
+  }
+  for (std::uint32_t i = 0; i < out.ids.size(); ++i)
+    if (out.ids[i] != kNoLine)
+      out.segments[slots[static_cast<std::size_t>(out.ids[i] - least)]].events.push_back(i);
+}
+
+std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
+                                               std::span<const std::uint32_t> events, LineId id) {
+  points_.clear();
+  const std::size_t n = std::min(events.size(), kFitEvents);
+  for (std::size_t k = 0; k < n; ++k) {
+    const Event& e = window.events[events[(2 * k + 1) * events.size() / (2 * n)]];
+    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+    points_.emplace_back(px.x(), px.y(), seconds_between(window.begin, e.t));
+  }
+  auto line = fit_moving_line(points_, tracker_.normal(id), options_.gate_px);
+  if (!line || line->length_px() < options_.track.min_length_px || line->rms_px > options_.max_rms_px ||
+      line->bow_px > options_.max_bow_px)
+    return std::nullopt;
+  return line;
+}
+
+}  // namespace idol

@@ -1,0 +1,31 @@
+// Segments from lines that are followed event by event.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "idol/frontend/line_tracker.hpp"
+#include "idol/frontend/segments.hpp"
+
+namespace idol {
+
+class TrackSegmenter : public Segmenter {
+ public:
+  TrackSegmenter(const SegmentOptions& options, const UndistortMap& undistort)
+      : options_(options), undistort_(&undistort), tracker_(options.track, undistort) {}
+  SegmentedWindow process(const EventWindow& window) override;
+
+ private:
+  void label(const EventWindow& window, std::vector<LineId>& ids);
+  void sort_by_track(SegmentedWindow& out) const;
+  [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
+                                                    std::span<const std::uint32_t> events, LineId id);
+
+  SegmentOptions options_;
+  const UndistortMap* undistort_;
+  LineTracker tracker_;
+  std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
+  std::vector<TimedPixel> points_;    // scratch
+};
+
+}  // namespace idol
