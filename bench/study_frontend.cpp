@@ -133,6 +133,20 @@ class Judge {
     for (const auto& [key, votes] : parts_) part.add(votes);
     for (const auto& [id, votes] : tracks_) life.add(votes);
     const auto [lives, longest] = track_lives();
+    if (getenv("DIAG")) {
+      std::vector<std::pair<int, LineId>> bad;
+      for (const auto& [id, v] : tracks_) bad.push_back({v.events - v.best().second, id});
+      std::sort(bad.rbegin(), bad.rend());
+      for (int k = 0; k < 25 && k < std::ssize(bad); ++k) {
+        const auto& v = tracks_[bad[k].second];
+        std::vector<std::pair<int, int>> l;
+        for (auto [a, b] : v.lines) l.push_back({b, a});
+        std::sort(l.rbegin(), l.rend());
+        fmt::print("id {} {:.2f}-{:.2f} n {} any {}:", bad[k].second, 1e-9 * v.first, 1e-9 * v.last, v.events, v.near_any);
+        for (int q = 0; q < 4 && q < std::ssize(l); ++q) fmt::print(" {}x{}", l[q].second, l[q].first);
+        fmt::print("\n");
+      }
+    }
     return fmt::format("{:.3f} ({:.3f}) | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
                        part.pure / part.events, part.pure / part.near_any, life.pure / life.events,
                        static_cast<double>(found_) / wanted_, median(offsets_), median(angles_), median(lives),

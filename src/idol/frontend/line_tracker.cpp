@@ -1,6 +1,6 @@
 #include "idol/frontend/line_tracker.hpp"
 
-#include <Eigen/LU>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -9,15 +9,20 @@ namespace {
 
 constexpr double kFastestScale = 0.001, kSlowestScale = 0.025;  // [s/px]
 constexpr int kCell = 2;               // cells of the image that name the lines in them [px]
-constexpr float kEndMargin = 3;        // events this far beyond an end are looked at [px]
-constexpr float kEndZone = 4;          // inside an end: where its support is measured [px]
+constexpr float kEndMargin = LineTrack::kOutside;  // events this far beyond an end are looked at [px]
+constexpr double kEndFade = 0.7;       // of the counts about the ends at each look
+constexpr float kEndDensity = 0.5F;    // of the line's density: where it falls below, the line ends
+constexpr double kFlowSigma = 0.2;     // of a line's motion about the flow, over the usual speed
+constexpr double kGap = 1;             // between two pieces of one line [px]
 constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
 constexpr double kBatchSigma = 0.2;    // what the events of a batch err together [px]
 constexpr double kAcceleration = 1e6;  // spectral density of the image acceleration [px^2/s^3]
 constexpr double kConfirmTravel = 3;   // motion before a track gets known [px]
 constexpr double kFade = 0.6;          // of the statistics at each look
+constexpr float kCoreGate = 0.67F;      // of the gate: near the line
 constexpr double kMinCore = 0.6;       // share of near events among near and ring, else texture
 constexpr double kMinDensity = 0.12;   // events per px of line and px of motion
+constexpr double kNoiseMemory = 0.2;   // [s]
 constexpr int kHot = 24;               // unsupported events in half a second or so
 
 }  // namespace
@@ -27,7 +32,8 @@ struct LineTracker::Fast {
   // Sums over the batch: near events for the state, the rest for the statistics.
   int n = 0;
   float u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0, bow = 0;
-  int core = 0, ring = 0, pol = 0, in_lo = 0, in_hi = 0, out_lo = 0, out_hi = 0, claimed = 0;
+  int core = 0, ring = 0, pol = 0, claimed = 0;
+  LineTrack::EndCounts at_lo = LineTrack::EndCounts::Zero(), at_hi = LineTrack::EndCounts::Zero();
   Time last = 0;
   float wanted = 0;  // polarity expected, 0 = any
 };
@@ -57,7 +63,7 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
       const Eigen::Vector2i cell = ((p - low_) / kCell).cast<int>();
       cell_of_pixel_[static_cast<std::size_t>(y) * w + x] = static_cast<std::uint32_t>(cell.y() * cols_ + cell.x());
     }
-  last_any_.resize(pixels);
+  for (auto& last : last_) last.resize(pixels);
   lonely_.resize(pixels);
 }
 
@@ -92,6 +98,8 @@ void LineTracker::predict(LineTrack& track, Time t) const {
       track.P(k + 2, k + 2) += q * dt;
     }
     track.time = t;
+    // A line shows no motion along itself; the other lines do.
+    track.centre += track.dir.dot(flow(track.centre)) * dt * track.dir;
   }
   // The origin goes to the middle of the extent, where offset and slope are least coupled.
   const double mid = 0.5 * (track.lo + track.hi);
@@ -184,6 +192,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     const auto dt = static_cast<float>(seconds_between(middle, e.t));
     float best = outer, best_u = 0, second = 1e9F;
     int chosen = -1;
+    bool best_on = false;
     for (const std::uint16_t named : claim.line) {
       if (named == 0) break;
       const int k = named - 1;
@@ -192,10 +201,11 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
       const float u = f.dx * x + f.dy * y;
       if (u < f.lo - kEndMargin || u > f.hi + kEndMargin) continue;
       const float r = f.nx * x + f.ny * y - (f.rate + f.turn * u) * dt;
+      const bool on = u > f.lo - 1 && u < f.hi + 1;
       if (std::abs(r) < std::abs(best)) {
-        if (chosen >= 0) second = best;
-        best = r, best_u = u, chosen = k;
-      } else {
+        if (chosen >= 0 && best_on) second = best;
+        best = r, best_u = u, best_on = on, chosen = k;
+      } else if (on) {
         second = r;
       }
     }
@@ -205,26 +215,23 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     }
     Fast& f = fast[static_cast<std::size_t>(chosen)];
     const float off = std::abs(best);
-    const bool inside = best_u >= f.lo - 1 && best_u <= f.hi + 1;
-    if (off < gate && inside) {
+    if (off < gate && best_on) {
       labels[i] = tracks_[static_cast<std::size_t>(chosen)].id;
       f.last = e.t;
       ++f.claimed;
-    } else if (off >= gate) {
+    } else {
       rest.push_back(i);
     }
     const float sign = e.polarity ? 1.0F : -1.0F;
-    if (inside) ++(off < 0.67F * gate ? f.core : f.ring);
+    if (best_on) ++(off < kCoreGate * gate ? f.core : f.ring);
     if (off >= gate || std::abs(second) < 1.5F * off + 0.5F) continue;
-    if (best_u < f.lo)
-      ++f.out_lo;
-    else if (best_u < f.lo + kEndZone)
-      ++f.in_lo;
-    if (best_u > f.hi)
-      ++f.out_hi;
-    else if (best_u > f.hi - kEndZone)
-      ++f.in_hi;
-    if (!inside) continue;
+    const auto count_end = [](LineTrack::EndCounts& counts, float beyond) {
+      const int at = static_cast<int>(beyond + LineTrack::kInside);
+      if (beyond > -LineTrack::kInside && at < counts.size()) ++counts[at];
+    };
+    count_end(f.at_lo, f.lo - best_u);
+    count_end(f.at_hi, best_u - f.hi);
+    if (!best_on) continue;
     f.pol += e.polarity ? 1 : -1;
     if (f.wanted != 0 && sign != f.wanted) continue;
     ++f.n;
@@ -235,8 +242,11 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   for (const std::uint32_t cell : drawn_) claims_[cell] = {};
   drawn_.clear();
 
+  // A batch stands for the time since the one before; after a long pause, for as long as it was thought to be.
+  const double duration = std::clamp(seconds_between(last_batch_, end), 0.0, 5 * options_.batch_s);
+  last_batch_ = end;
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
-    correct(tracks_[k], fast[k]);
+    correct(tracks_[k], fast[k], background_ * duration);
     judge(tracks_[k], end);
     normals_[static_cast<std::size_t>(tracks_[k].id)] = tracks_[k].normal;
   }
@@ -246,23 +256,32 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   const auto now_us = [](Time t) { return static_cast<std::uint32_t>(t / 1000); };
   const auto support = static_cast<std::uint32_t>(std::clamp(4 * c_, 0.005, 0.05) * 1e6);
   const int h = undistort_->height();
+  int alone = 0;
   detector_.begin_batch(options_.detect_rate * std::max(1e-3, seconds_between(begin, end)));
   for (const std::uint32_t i : rest) {
     const Event& e = events[i];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
     const std::uint32_t us = now_us(e.t);
-    last_any_[pixel] = us;
+    auto& last = last_[e.polarity ? 1 : 0];
+    last[pixel] = us;
     if (e.x == 0 || e.y == 0 || e.x == w - 1 || e.y == h - 1) continue;
     int neighbours = 0;
     for (const int d : {-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1})
       neighbours +=
-          us - last_any_[pixel + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(d))] < support ? 1 : 0;
+          us - last[pixel + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(d))] < support ? 1 : 0;
     if (neighbours == 0) {
+      ++alone;
       if (lonely_[pixel] < 255) ++lonely_[pixel];
       continue;
     }
     if (neighbours < 2) continue;
     if (const auto found = detector_.add(e, c_, options_.min_length_px)) seed(*found, e.t);
+  }
+  if (duration > 0) {
+    // Noise has no neighbours, but by chance.
+    const double chance = std::exp(-4 * background_ * 1e-6 * support);
+    const double now = alone / (chance * duration * w * h);
+    background_ += (now - background_) * std::min(1.0, duration / kNoiseMemory);
   }
   if (end >= next_fade_) {
     for (auto& n : lonely_) n = static_cast<std::uint8_t>(n - n / 4 - (n > 0 ? 1 : 0));
@@ -271,20 +290,24 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   if (end >= next_merge_) {
     merge_lines(end);
     adapt_scale();
+    fit_flow();
     next_merge_ = end + from_seconds(0.01);
   }
 }
 
 // Two scalar measurements of a batch: mean distance of the near events, and tilt along the line.
-void LineTracker::correct(LineTrack& track, const Fast& f) {
-  track.core += f.core, track.ring += f.ring;
-  track.in_lo += f.in_lo, track.in_hi += f.in_hi, track.out_lo += f.out_lo, track.out_hi += f.out_hi;
-  track.all += f.claimed;
+// `noise`: expected in the batch by chance [1/px], to be taken off all counts.
+void LineTracker::correct(LineTrack& track, const Fast& f, double noise) {
+  const double gate = options_.gate_px, strip = noise * (track.hi - track.lo) * 2 * gate;
+  track.core += f.core - kCoreGate * strip, track.ring += f.ring - (2 - kCoreGate) * strip;
+  const auto end_noise = static_cast<float>(noise * 2 * gate);
+  track.at_lo += f.at_lo - end_noise, track.at_hi += f.at_hi - end_noise;
+  track.all += f.claimed - strip, track.unlooked += f.claimed - strip;
   if (std::abs(f.rate) > 25) track.contrast += f.rate > 0 ? f.pol : -f.pol;
   if (f.last > track.last_event) track.last_event = f.last;
   if (f.n < 2) return;
   const double n = f.n, u = f.u / n, r = f.r / n, t = f.t / n;
-  track.bow += f.bow, track.bow_n += n, track.spread += f.rr;
+  track.bow += f.bow, track.bow_n += n, track.spread += f.rr - strip * gate * gate / 3;
   const auto update = [&](const Eigen::Vector4d& h, double z, double variance) {
     const Eigen::Vector4d ph = track.P * h;
     const double s = h.dot(ph) + variance;
@@ -306,21 +329,36 @@ void LineTracker::correct(LineTrack& track, const Fast& f) {
   }
 }
 
+// How far an end goes out, to where two pixels together have too few events; the counts move with it [px].
+double LineTracker::move_end(LineTrack::EndCounts& counts, float density) {
+  const int size = static_cast<int>(counts.size());
+  int end = 0;
+  while (end + 1 < size && counts[end] + counts[end + 1] > 2 * kEndDensity * density) ++end;
+  if (end > 0 && counts[end] > kEndDensity * density) ++end;
+  const int moved = end - LineTrack::kInside;
+  LineTrack::EndCounts shifted;
+  for (int k = 0; k < size; ++k) {
+    const int from = k + moved;
+    shifted[k] = from < 0 ? density : from < size ? counts[from] : 0;
+  }
+  counts = shifted;
+  return moved;
+}
+
 // After each few pixels of motion: is it still a line, and where does it end?
 void LineTracker::judge(LineTrack& track, Time now) {
   const double length = track.hi - track.lo;
   if (seconds_between(track.last_event, now) > options_.max_quiet_s) track.alive = false;
   if (std::abs(track.x[2]) > 1.0 / (0.3 * kFastestScale) || std::abs(track.x[3]) > 60) track.alive = false;
   // Ends: by events, so that slow motion has time.
-  if (track.all > std::max(16.0, 0.8 * length)) {
-    const double density = track.all / length;
-    const auto move_end = [&](double in, double out) {
-      if (out > 0.35 * kEndMargin * density) return 1.5;
-      return in < 0.3 * kEndZone * density ? -1.5 : 0.0;
-    };
-    track.hi += move_end(track.in_hi, track.out_hi);
-    track.lo -= move_end(track.in_lo, track.out_lo);
-    track.in_lo = track.in_hi = track.out_lo = track.out_hi = track.all = 0;
+  if (track.unlooked > std::max(16.0, 0.8 * length)) {
+    const auto density = static_cast<float>(track.all / length);
+    if (density > 1) {
+      track.hi += move_end(track.at_hi, density);
+      track.lo -= move_end(track.at_lo, density);
+    }
+    track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
+    track.unlooked = 0;
     if (track.hi - track.lo < 0.7 * options_.min_length_px) track.alive = false;
   }
   if (track.fresh_travel < 1.5) return;
@@ -365,7 +403,7 @@ void LineTracker::seed(const LineSeed& seed, Time now) {
                                        (other.x[2] + other.x[3] * along) * dt));
       least = std::min(least, along), most = std::max(most, along);
     }
-    if (worst > 1.5 || least > other.hi + 2 * kEndMargin || most < other.lo - 2 * kEndMargin) continue;
+    if (worst > 1.5 || least > other.hi + kGap || most < other.lo - kGap) continue;
     other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
     return;
   }
@@ -393,7 +431,7 @@ void LineTracker::merge_lines(Time now) {
         worst = std::max(worst, std::abs(a.normal.dot(d)));
         least = std::min(least, a.dir.dot(d)), most = std::max(most, a.dir.dot(d));
       }
-      if (worst > 1.2 || least > a.hi + 6 || most < a.lo - 6) continue;
+      if (worst > 1.2 || least > a.hi + kGap || most < a.lo - kGap) continue;
       const double at = a.dir.dot(b.centre - a.centre);
       if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
       if (a.contrast * b.contrast * same < 0 && std::abs(a.contrast) > 0.5 * a.core &&
@@ -421,6 +459,37 @@ void LineTracker::adapt_scale() {
   std::nth_element(speeds.begin(), middle, speeds.end());
   const double wanted = std::clamp(1.0 / std::max(1.0, *middle), kFastestScale, kSlowestScale);
   c_ = std::exp(0.9 * std::log(c_) + 0.1 * std::log(wanted));
+}
+
+Eigen::Vector2d LineTracker::flow(const Eigen::Vector2d& px) const {
+  const Eigen::Vector2d at = 2.0 / undistort_->width() * px - Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
+  return flow_ * Eigen::Vector3d(1, at.x(), at.y());
+}
+
+// Every line's motion across itself is a measurement of the flow at its middle. The change over the image is
+// expected to be smaller than the flow; where a line moves unlike the rest, it counts less.
+void LineTracker::fit_flow() {
+  using Vec6 = Eigen::Matrix<double, 6, 1>;
+  Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+  Vec6 b = Vec6::Zero();
+  const double sigma = kFlowSigma / std::max(c_, 1e-3);
+  for (const LineTrack& t : tracks_) {
+    if (!t.confirmed) continue;
+    const double off = t.x[2] - t.normal.dot(flow(t.centre));
+    const double weight = 1 / (sigma * sigma + t.P(2, 2) + off * off);
+    const Eigen::Vector2d at = 2.0 / undistort_->width() * t.centre - Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
+    const Eigen::Vector3d p(1, at.x(), at.y());
+    Vec6 a;
+    a << t.normal.x() * p, t.normal.y() * p;
+    H += weight * a * a.transpose();
+    b += weight * t.x[2] * a;
+  }
+  const double uniform = 3 / c_, change = 0.5 / c_;
+  const Eigen::Vector3d prior(1 / (uniform * uniform), 1 / (change * change), 1 / (change * change));
+  H.diagonal() += (Vec6() << prior, prior).finished();
+  const Vec6 x = H.ldlt().solve(b);
+  flow_.row(0) = x.head<3>().transpose();
+  flow_.row(1) = x.tail<3>().transpose();
 }
 
 }  // namespace idol

@@ -57,8 +57,12 @@ struct LineTrack {
   double travel = 0;        ///< motion since birth [px]
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
   double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0,
-         spread = 0;                                             ///< fading sums over claimed events
-  double in_lo = 0, in_hi = 0, out_lo = 0, out_hi = 0, all = 0;  ///< fading counts for the extent
+         spread = 0;  ///< fading sums over claimed events
+  /// Claimed events by pixels about an end, from `kInside` px inside to the outermost; fading like `all`.
+  static constexpr int kInside = 4, kOutside = 6;
+  using EndCounts = Eigen::Array<float, kInside + kOutside, 1>;
+  EndCounts at_lo = EndCounts::Zero(), at_hi = EndCounts::Zero();
+  double all = 0, unlooked = 0;
 };
 
 class LineTracker {
@@ -89,11 +93,15 @@ class LineTracker {
   struct Fast;  // a track's prediction in single precision, and the batch's sums
   void predict(LineTrack& track, Time t) const;
   void draw(std::uint16_t index, const Fast& line, float band);
-  void correct(LineTrack& track, const Fast& sums);
+  void correct(LineTrack& track, const Fast& sums, double noise);
   void judge(LineTrack& track, Time now);
+  static double move_end(LineTrack::EndCounts& counts, float density);
   void seed(const LineSeed& seed, Time now);
   void merge_lines(Time now);
   void adapt_scale();
+  void fit_flow();
+  /// Image velocity there, by the motion of all lines [px/s].
+  [[nodiscard]] Eigen::Vector2d flow(const Eigen::Vector2d& px) const;
 
   TrackOptions options_;
   const UndistortMap* undistort_;
@@ -103,6 +111,8 @@ class LineTracker {
   std::vector<LineId> merged_;
   std::vector<Eigen::Vector2d> normals_;
   double c_ = 0.01;
+  // Affine image flow: of (1, x, y) from the image's middle in units of half its width [px/s].
+  Eigen::Matrix<double, 2, 3> flow_ = Eigen::Matrix<double, 2, 3>::Zero();
   Time next_merge_ = 0;
   // The undistorted plane in cells, each naming up to three lines.
   Eigen::Vector2f low_ = Eigen::Vector2f::Zero();  // corner of the first cell
@@ -114,9 +124,10 @@ class LineTracker {
   std::vector<std::uint32_t> drawn_;
   std::vector<std::uint32_t> cell_of_pixel_;
   // Hot pixels: events without a neighbour's support, fading.
-  std::vector<std::uint32_t> last_any_;
+  std::vector<std::uint32_t> last_[2];  // event of a pixel and polarity [us]
   std::vector<std::uint8_t> lonely_;
-  Time next_fade_ = 0;
+  Time next_fade_ = 0, last_batch_ = 0;
+  double background_ = 0;  // events of noise [1/(px s)]
 };
 
 }  // namespace idol
