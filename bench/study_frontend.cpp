@@ -23,6 +23,7 @@ constexpr double kNear = 1.5;       // [px], of one and the same line
 constexpr double kLong = 30;        // [px]
 constexpr double kSlot = 0.001;     // [s]: one projection of the true lines for all its events
 constexpr double kPart = 0.05;      // [s]: a segment is judged in parts of this length
+constexpr Time kGrid = 1000;        // [ns] recorded times are multiples of it, those of added noise are not
 constexpr double kViewStep = 0.01;  // [s]
 
 struct Settings {
@@ -133,20 +134,6 @@ class Judge {
     for (const auto& [key, votes] : parts_) part.add(votes);
     for (const auto& [id, votes] : tracks_) life.add(votes);
     const auto [lives, longest] = track_lives();
-    if (getenv("DIAG")) {
-      std::vector<std::pair<int, LineId>> bad;
-      for (const auto& [id, v] : tracks_) bad.push_back({v.events - v.best().second, id});
-      std::sort(bad.rbegin(), bad.rend());
-      for (int k = 0; k < 25 && k < std::ssize(bad); ++k) {
-        const auto& v = tracks_[bad[k].second];
-        std::vector<std::pair<int, int>> l;
-        for (auto [a, b] : v.lines) l.push_back({b, a});
-        std::sort(l.rbegin(), l.rend());
-        fmt::print("id {} {:.2f}-{:.2f} n {} any {}:", bad[k].second, 1e-9 * v.first, 1e-9 * v.last, v.events, v.near_any);
-        for (int q = 0; q < 4 && q < std::ssize(l); ++q) fmt::print(" {}x{}", l[q].second, l[q].first);
-        fmt::print("\n");
-      }
-    }
     return fmt::format("{:.3f} ({:.3f}) | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
                        part.pure / part.events, part.pure / part.near_any, life.pure / life.events,
                        static_cast<double>(found_) / wanted_, median(offsets_), median(angles_), median(lives),
@@ -171,7 +158,7 @@ class Judge {
         second = std::min(second, distance);
       }
     });
-    if (nearest < 1 && length > 20 && second > 4) {
+    if (nearest < 1 && length > 20 && second > 4 && e.t % kGrid == 0) {
       ++wanted_;
       found_ += id != kNoLine ? 1 : 0;
     }
@@ -262,7 +249,7 @@ std::vector<Event> read_events(const std::filesystem::path& sequence, const Came
                                               seconds_between(begin, end));
   std::uniform_int_distribution<Time> time(begin, end);
   for (std::size_t i = 0; i < count; ++i)
-    events.push_back({time(rng), static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.width)),
+    events.push_back({time(rng) / kGrid * kGrid + 1, static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.width)),
                       static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.height)), rng() % 2 == 0});
   std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
   return events;

@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t kPool = 4096;  // clusters alive at once; the oldest give way
 constexpr int kGrowReach = 2;        // 5x5 for growth
 constexpr int kMinPatch = 7;         // events of a plane
-constexpr float kMinPlanarity = 0.6F;
+constexpr float kMinPlanarity = 0.5F;
 constexpr float kMinCosine = 0.9F;      // between normals of one line
 constexpr float kMaxDistance = 1.0F;    // of an event from its neighbour's moving line [px]
 constexpr int kMinCluster = 24;         // passages before a cluster is tested, and between tests

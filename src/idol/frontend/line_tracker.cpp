@@ -21,7 +21,9 @@ constexpr double kConfirmTravel = 3;   // motion before a track gets known [px]
 constexpr double kFade = 0.6;          // of the statistics at each look
 constexpr float kCoreGate = 0.67F;      // of the gate: near the line
 constexpr double kMinCore = 0.6;       // share of near events among near and ring, else texture
+constexpr double kSure = 2;            // standard deviations of the noise
 constexpr double kMinDensity = 0.12;   // events per px of line and px of motion
+constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an event
 constexpr double kNoiseMemory = 0.2;   // [s]
 constexpr int kHot = 24;               // unsupported events in half a second or so
 
@@ -218,22 +220,21 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     if (off < gate && best_on) {
       labels[i] = tracks_[static_cast<std::size_t>(chosen)].id;
       f.last = e.t;
-      ++f.claimed;
     } else {
       rest.push_back(i);
     }
-    const float sign = e.polarity ? 1.0F : -1.0F;
+    if (best_on && off < gate) f.pol += e.polarity ? 1 : -1;
+    if (f.wanted != 0 && f.wanted != (e.polarity ? 1.0F : -1.0F)) continue;
     if (best_on) ++(off < kCoreGate * gate ? f.core : f.ring);
     if (off >= gate || std::abs(second) < 1.5F * off + 0.5F) continue;
     const auto count_end = [](LineTrack::EndCounts& counts, float beyond) {
       const int at = static_cast<int>(beyond + LineTrack::kInside);
       if (beyond > -LineTrack::kInside && at < counts.size()) ++counts[at];
     };
+    if (best_on) ++f.claimed;
     count_end(f.at_lo, f.lo - best_u);
     count_end(f.at_hi, best_u - f.hi);
     if (!best_on) continue;
-    f.pol += e.polarity ? 1 : -1;
-    if (f.wanted != 0 && sign != f.wanted) continue;
     ++f.n;
     f.u += best_u, f.uu += best_u * best_u, f.r += best, f.ur += best_u * best, f.t += dt, f.rr += best * best;
     const float v = (best_u - f.mid) * f.inv_half;
@@ -254,7 +255,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
 
   // The rest: supported events go to the detector.
   const auto now_us = [](Time t) { return static_cast<std::uint32_t>(t / 1000); };
-  const auto support = static_cast<std::uint32_t>(std::clamp(4 * c_, 0.005, 0.05) * 1e6);
+  const double by_chance = kMostByChance / std::max(1e-3, 4 * background_);
+  const auto support = static_cast<std::uint32_t>(std::clamp(std::min(4 * c_, by_chance), 0.005, 0.05) * 1e6);
   const int h = undistort_->height();
   int alone = 0;
   detector_.begin_batch(options_.detect_rate * std::max(1e-3, seconds_between(begin, end)));
@@ -298,8 +300,10 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
 // Two scalar measurements of a batch: mean distance of the near events, and tilt along the line.
 // `noise`: expected in the batch by chance [1/px], to be taken off all counts.
 void LineTracker::correct(LineTrack& track, const Fast& f, double noise) {
+  if (f.wanted != 0) noise /= 2;  // of one polarity
   const double gate = options_.gate_px, strip = noise * (track.hi - track.lo) * 2 * gate;
   track.core += f.core - kCoreGate * strip, track.ring += f.ring - (2 - kCoreGate) * strip;
+  track.noise += strip;
   const auto end_noise = static_cast<float>(noise * 2 * gate);
   track.at_lo += f.at_lo - end_noise, track.at_hi += f.at_hi - end_noise;
   track.all += f.claimed - strip, track.unlooked += f.claimed - strip;
@@ -364,7 +368,8 @@ void LineTracker::judge(LineTrack& track, Time now) {
   if (track.fresh_travel < 1.5) return;
   const double near = track.core + track.ring;
   if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
-  if (near > 30 && track.core < kMinCore * near) track.alive = false;
+  const double excess = track.ring - (1 / kMinCore - 1) * track.core;
+  if (near > 30 && excess > kSure * std::sqrt((2 - kCoreGate) * track.noise)) track.alive = false;
   const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
   if (track.bow_n > 60 && bow > options_.max_bow_px) track.alive = false;
   if (track.bow_n > 30 && track.spread > 0.64 * track.bow_n * options_.gate_px * options_.gate_px / 2.25)
@@ -374,7 +379,7 @@ void LineTracker::judge(LineTrack& track, Time now) {
     track.confirmed = true;
     confirmed_[static_cast<std::size_t>(track.id)] = true;
   }
-  for (double* sum : {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread})
+  for (double* sum : {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
     *sum *= kFade;
   track.fresh_travel *= kFade;
 }

@@ -57,7 +57,7 @@ struct LineTrack {
   double travel = 0;        ///< motion since birth [px]
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
   double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0,
-         spread = 0;  ///< fading sums over claimed events
+         spread = 0, noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate
   /// Claimed events by pixels about an end, from `kInside` px inside to the outermost; fading like `all`.
   static constexpr int kInside = 4, kOutside = 6;
   using EndCounts = Eigen::Array<float, kInside + kOutside, 1>;
