@@ -10,16 +10,17 @@ namespace {
 constexpr double kFastestScale = 0.001, kSlowestScale = 0.025;  // [s/px]
 constexpr int kCell = 2;               // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = LineTrack::kOutside;  // events this far beyond an end are looked at [px]
-constexpr double kEndFade = 0.7;       // of the counts about the ends at each look
+constexpr double kEndFade = 0.6;       // of the counts about the ends at each look
 constexpr float kEndDensity = 0.5F;    // of the line's density: where it falls below, the line ends
 constexpr double kFlowSigma = 0.2;     // of a line's motion about the flow, over the usual speed
-constexpr double kGap = 1;             // between two pieces of one line [px]
+constexpr double kOverlap = 1;         // of two tracks of one line, at least: its pieces grow until they meet [px]
 constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
 constexpr double kBatchSigma = 0.2;    // what the events of a batch err together [px]
 constexpr double kAcceleration = 1e6;  // spectral density of the image acceleration [px^2/s^3]
 constexpr double kConfirmTravel = 3;   // motion before a track gets known [px]
 constexpr double kFade = 0.6;          // of the statistics at each look
 constexpr float kCoreGate = 0.67F;      // of the gate: near the line
+constexpr float kParallel = 0.99F;     // cosine between two pieces of one line
 constexpr double kMinCore = 0.6;       // share of near events among near and ring, else texture
 constexpr double kSure = 2;            // standard deviations of the noise
 constexpr double kMinDensity = 0.12;   // events per px of line and px of motion
@@ -38,6 +39,12 @@ struct LineTracker::Fast {
   LineTrack::EndCounts at_lo = LineTrack::EndCounts::Zero(), at_hi = LineTrack::EndCounts::Zero();
   Time last = 0;
   float wanted = 0;  // polarity expected, 0 = any
+};
+
+// A line that an event is near to: along it, across it [px].
+struct LineTracker::Candidate {
+  int line;
+  float u, r;
 };
 
 LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undistort)
@@ -119,6 +126,12 @@ void LineTracker::predict(LineTrack& track, Time t) const {
   track.x[0] = track.x[1] = 0;
 }
 
+// One more event, so many px beyond an end.
+void LineTracker::count_end(LineTrack::EndCounts& counts, float beyond) {
+  const int at = static_cast<int>(beyond + LineTrack::kInside);
+  if (beyond > -LineTrack::kInside && at < counts.size()) ++counts[at];
+}
+
 // Names the line in all cells that come within `band` of it.
 void LineTracker::draw(std::uint16_t index, const Fast& line, float band) {
   const bool flat = std::abs(line.dx) > std::abs(line.dy);
@@ -192,21 +205,24 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     }
     const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
     const auto dt = static_cast<float>(seconds_between(middle, e.t));
+    // Lines that reach here go before those that might only grow to here.
+    std::array<Candidate, 3> near;
+    int count = 0, chosen = -1;
     float best = outer, best_u = 0, second = 1e9F;
-    int chosen = -1;
     bool best_on = false;
     for (const std::uint16_t named : claim.line) {
       if (named == 0) break;
-      const int k = named - 1;
-      const Fast& f = fast[static_cast<std::size_t>(k)];
+      const Fast& f = fast[static_cast<std::size_t>(named - 1)];
       const float x = px.x() - f.cx, y = px.y() - f.cy;
       const float u = f.dx * x + f.dy * y;
       if (u < f.lo - kEndMargin || u > f.hi + kEndMargin) continue;
       const float r = f.nx * x + f.ny * y - (f.rate + f.turn * u) * dt;
+      if (std::abs(r) >= outer) continue;
       const bool on = u > f.lo - 1 && u < f.hi + 1;
-      if (std::abs(r) < std::abs(best)) {
-        if (chosen >= 0 && best_on) second = best;
-        best = r, best_u = u, best_on = on, chosen = k;
+      near[static_cast<std::size_t>(count++)] = {named - 1, u, r};
+      if (on > best_on || (on == best_on && std::abs(r) < std::abs(best))) {
+        if (best_on) second = best;
+        best = r, best_u = u, best_on = on, chosen = named - 1;
       } else if (on) {
         second = r;
       }
@@ -226,14 +242,16 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     if (best_on && off < gate) f.pol += e.polarity ? 1 : -1;
     if (f.wanted != 0 && f.wanted != (e.polarity ? 1.0F : -1.0F)) continue;
     if (best_on) ++(off < kCoreGate * gate ? f.core : f.ring);
-    if (off >= gate || std::abs(second) < 1.5F * off + 0.5F) continue;
-    const auto count_end = [](LineTrack::EndCounts& counts, float beyond) {
-      const int at = static_cast<int>(beyond + LineTrack::kInside);
-      if (beyond > -LineTrack::kInside && at < counts.size()) ++counts[at];
-    };
+    if (off >= gate || (std::abs(second) < 1.5F * off + 0.5F)) continue;
     if (best_on) ++f.claimed;
-    count_end(f.at_lo, f.lo - best_u);
-    count_end(f.at_hi, best_u - f.hi);
+    for (int k = 0; k < count; ++k) {
+      // A piece of the same line grows by the events of its neighbour, too.
+      const Candidate& c = near[static_cast<std::size_t>(k)];
+      Fast& piece = fast[static_cast<std::size_t>(c.line)];
+      if (std::abs(c.r) >= gate || std::abs(piece.dx * f.dx + piece.dy * f.dy) < kParallel) continue;
+      count_end(piece.at_lo, piece.lo - c.u);
+      count_end(piece.at_hi, c.u - piece.hi);
+    }
     if (!best_on) continue;
     ++f.n;
     f.u += best_u, f.uu += best_u * best_u, f.r += best, f.ur += best_u * best, f.t += dt, f.rr += best * best;
@@ -408,7 +426,7 @@ void LineTracker::seed(const LineSeed& seed, Time now) {
                                        (other.x[2] + other.x[3] * along) * dt));
       least = std::min(least, along), most = std::max(most, along);
     }
-    if (worst > 1.5 || least > other.hi + kGap || most < other.lo - kGap) continue;
+    if (worst > 1.5 || least > other.hi - kOverlap || most < other.lo + kOverlap) continue;
     other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
     return;
   }
@@ -436,7 +454,7 @@ void LineTracker::merge_lines(Time now) {
         worst = std::max(worst, std::abs(a.normal.dot(d)));
         least = std::min(least, a.dir.dot(d)), most = std::max(most, a.dir.dot(d));
       }
-      if (worst > 1.2 || least > a.hi + kGap || most < a.lo - kGap) continue;
+      if (worst > 1.2 || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
       const double at = a.dir.dot(b.centre - a.centre);
       if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
       if (a.contrast * b.contrast * same < 0 && std::abs(a.contrast) > 0.5 * a.core &&

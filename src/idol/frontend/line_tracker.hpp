@@ -90,11 +90,13 @@ class LineTracker {
   [[nodiscard]] const TrackOptions& options() const { return options_; }
 
  private:
+  struct Candidate;
   struct Fast;  // a track's prediction in single precision, and the batch's sums
   void predict(LineTrack& track, Time t) const;
   void draw(std::uint16_t index, const Fast& line, float band);
   void correct(LineTrack& track, const Fast& sums, double noise);
   void judge(LineTrack& track, Time now);
+  static void count_end(LineTrack::EndCounts& counts, float beyond);
   static double move_end(LineTrack::EndCounts& counts, float density);
   void seed(const LineSeed& seed, Time now);
   void merge_lines(Time now);
