@@ -173,7 +173,7 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
     const std::uint32_t* row_stamps = &stamps[pixel] + dy * width_;
     for (int dx = -kGrowReach; dx <= kGrowReach; ++dx) {
       const Cell& other = row[dx];
-      if (other.cluster == 0 || now - row_stamps[dx] > span) continue;
+      if (now - row_stamps[dx] > span || other.cluster == 0) continue;
       if (own.nx * other.nx + own.ny * other.ny < kMinCosine) continue;
       const float age = static_cast<float>(now - row_stamps[dx]) * 1e-6F;
       const auto x = static_cast<float>(-dx), y = static_cast<float>(-dy);

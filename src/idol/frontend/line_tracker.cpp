@@ -65,15 +65,14 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
   cols_ = static_cast<int>((high.x() - low.x()) / kCell) + 1;
   rows_ = static_cast<int>((high.y() - low.y()) / kCell) + 1;
   claims_.resize(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_));
-  cell_of_pixel_.resize(pixels);
+  pixels_.resize(pixels);
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
-      const Eigen::Vector2f p = undistort(x, y).cwiseMax(low).cwiseMin(high);
-      const Eigen::Vector2i cell = ((p - low_) / kCell).cast<int>();
-      cell_of_pixel_[static_cast<std::size_t>(y) * w + x] = static_cast<std::uint32_t>(cell.y() * cols_ + cell.x());
+      const Eigen::Vector2f p = undistort(x, y), inside = p.cwiseMax(low).cwiseMin(high);
+      const Eigen::Vector2i cell = ((inside - low_) / kCell).cast<int>();
+      pixels_[static_cast<std::size_t>(y) * w + x] = {p.x(), p.y(), static_cast<std::uint32_t>(cell.y() * cols_ + cell.x()), 0};
     }
   for (auto& last : last_) last.resize(pixels);
-  lonely_.resize(pixels);
 }
 
 std::size_t LineTracker::batch_length(std::span<const Event> events, Time origin) const {
@@ -197,13 +196,13 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     const Event& e = events[i];
     labels[i] = kNoLine;
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
-    if (lonely_[pixel] >= kHot) continue;
-    const Claim& claim = claims_[cell_of_pixel_[pixel]];
+    const Pixel& px = pixels_[pixel];
+    if (px.lonely >= kHot) continue;
+    const Claim& claim = claims_[px.cell];
     if (claim.line[0] == 0) {
       rest.push_back(i);
       continue;
     }
-    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
     const auto dt = static_cast<float>(seconds_between(middle, e.t));
     // Lines that reach here go before those that might only grow to here.
     std::array<Candidate, 3> near;
@@ -213,7 +212,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     for (const std::uint16_t named : claim.line) {
       if (named == 0) break;
       const Fast& f = fast[static_cast<std::size_t>(named - 1)];
-      const float x = px.x() - f.cx, y = px.y() - f.cy;
+      const float x = px.x - f.cx, y = px.y - f.cy;
       const float u = f.dx * x + f.dy * y;
       if (u < f.lo - kEndMargin || u > f.hi + kEndMargin) continue;
       const float r = f.nx * x + f.ny * y - (f.rate + f.turn * u) * dt;
@@ -291,7 +290,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
           us - last[pixel + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(d))] < support ? 1 : 0;
     if (neighbours == 0) {
       ++alone;
-      if (lonely_[pixel] < 255) ++lonely_[pixel];
+      if (pixels_[pixel].lonely < 255) ++pixels_[pixel].lonely;
       continue;
     }
     if (neighbours < 2) continue;
@@ -304,7 +303,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     background_ += (now - background_) * std::min(1.0, duration / kNoiseMemory);
   }
   if (end >= next_fade_) {
-    for (auto& n : lonely_) n = static_cast<std::uint8_t>(n - n / 4 - (n > 0 ? 1 : 0));
+    for (auto& px : pixels_) px.lonely -= px.lonely / 4 + (px.lonely > 0 ? 1 : 0);
     next_fade_ = end + from_seconds(0.25);
   }
   if (end >= next_merge_) {

@@ -124,10 +124,13 @@ class LineTracker {
   };
   std::vector<Claim> claims_;
   std::vector<std::uint32_t> drawn_;
-  std::vector<std::uint32_t> cell_of_pixel_;
-  // Hot pixels: events without a neighbour's support, fading.
+  struct Pixel {
+    float x, y;            // undistorted
+    std::uint32_t cell;
+    std::uint32_t lonely;  // events without a neighbour's support, fading: many of a hot pixel
+  };
+  std::vector<Pixel> pixels_;
   std::vector<std::uint32_t> last_[2];  // event of a pixel and polarity [us]
-  std::vector<std::uint8_t> lonely_;
   Time next_fade_ = 0, last_batch_ = 0;
   double background_ = 0;  // events of noise [1/(px s)]
 };

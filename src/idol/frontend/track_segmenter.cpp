@@ -6,7 +6,7 @@
 namespace idol {
 namespace {
 
-constexpr std::size_t kFitEvents = 250;  // of a segment, spread evenly: more do not sharpen a fit
+constexpr std::size_t kFitEvents = 120;  // of a segment, spread evenly: more do not sharpen a fit
 
 }  // namespace
 
