@@ -1,5 +1,6 @@
-// Events per second of the front-end on one core, stage by stage, beside the paper's way, in one run. Recording: the
-// bundled one, or the folders named in IDOL_BENCH_SEQUENCES (parted by ':'); of each at most kMostEvents from kFrom on.
+// Events per second of the front-end on one core, stage by stage, beside the paper's way, in one run.
+// Recording: the bundled one, or the folders named in IDOL_BENCH_SEQUENCES (parted by ':'); of each at most
+// kMostEvents from kFrom on.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
@@ -32,7 +33,8 @@ std::shared_ptr<Recording> load(const std::filesystem::path& folder) {
   ReaderOptions reading;
   reading.need_imu = false;
   reading.from_s = kFrom;
-  auto out = std::make_shared<Recording>(Recording{folder.filename().string(), *camera, UndistortMap(*camera), {}, 0});
+  auto out = std::make_shared<Recording>(
+      Recording{folder.filename().string(), *camera, UndistortMap(*camera), {}, 0});
   Windower windower(preset("realtime").window);
   const auto reader = open_reader(folder, reading);
   while (const auto packet = reader->next()) {
@@ -86,9 +88,9 @@ void tracker(benchmark::State& state, const Recording& recording) {
 
 void declare(const std::shared_ptr<Recording>& recording) {
   const auto add = [&](const std::string& stage, auto function) {
-    benchmark::RegisterBenchmark((stage + "/" + recording->name).c_str(),
-                                 [=](benchmark::State& state) { function(state, *recording); })
-        ->Unit(benchmark::kMillisecond);
+    benchmark::RegisterBenchmark((stage + "/" + recording->name).c_str(), [=](benchmark::State& state) {
+      function(state, *recording);
+    })->Unit(benchmark::kMillisecond);
   };
   SegmentOptions track, paper = preset("paper").segment;
   track.method = SegmentMethod::kTrack;
@@ -106,7 +108,8 @@ int main(int argc, char** argv) {
   const char* named = std::getenv("IDOL_BENCH_SEQUENCES");
   std::istringstream folders(named ? named : IDOL_DATA_DIR "/shapes_demo");
   try {
-    for (std::string folder; std::getline(folders, folder, ':');) idol::bench::declare(idol::bench::load(folder));
+    for (std::string folder; std::getline(folders, folder, ':');)
+      idol::bench::declare(idol::bench::load(folder));
   } catch (const std::exception& e) {
     fmt::print(stderr, "bench_frontend: {}\n", e.what());
     return 1;

@@ -1,5 +1,5 @@
-// The paper's front-end (V) the plain way, to compare with: a kd-tree over a window's events in (x, y, t/c), radius
-// searches, stored neighbour lists, covariance normals, region growing.
+// The paper's front-end (V) the plain way, to compare with: a kd-tree over a window's events in (x, y, t/c),
+// radius searches, stored neighbour lists, covariance normals, region growing.
 #pragma once
 
 #include <Eigen/Eigenvalues>
@@ -13,7 +13,8 @@ namespace idol::bench {
 
 class ReferenceFrontend {
  public:
-  ReferenceFrontend(const UndistortMap& undistort, float c_s_per_px) : undistort_(&undistort), c_(c_s_per_px) {}
+  ReferenceFrontend(const UndistortMap& undistort, float c_s_per_px)
+      : undistort_(&undistort), c_(c_s_per_px) {}
 
   /// Number of clusters of at least 40 events.
   std::size_t process(const EventWindow& window) {

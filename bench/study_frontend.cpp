@@ -1,4 +1,5 @@
-// Judges the segments of simulated recordings against their true lines; prints rows of docs/results_frontend.md:
+// Judges the segments of simulated recordings against their true lines; prints rows of
+// docs/results_frontend.md:
 //   study_frontend [KEY=VALUE | from=S | to=S | noise=HZ]... SEQUENCE...
 // KEY: an option of `idol config`; noise: events of noise added, per pixel and second.
 #include <fmt/format.h>
@@ -19,11 +20,12 @@
 namespace idol::bench {
 namespace {
 
-constexpr double kNear = 1.5;       // [px], of one and the same line
-constexpr double kLong = 30;        // [px]
-constexpr double kSlot = 0.001;     // [s]: one projection of the true lines for all its events
-constexpr double kPart = 0.05;      // [s]: a segment is judged in parts of this length
-constexpr Time kGrid = 1000;        // [ns] recorded times are multiples of it, those of added noise are not
+constexpr double kNear = 1.5;    // [px], of one and the same line
+constexpr double kFar = 4;       // [px] from all listed lines: curves, noise, and lines that are not listed
+constexpr double kLong = 30;     // [px]
+constexpr double kSlot = 0.001;  // [s]: one projection of the true lines for all its events
+constexpr double kPart = 0.05;   // [s]: a segment is judged in parts of this length
+constexpr Time kGrid = 1000;     // [ns] recorded times are multiples of it, those of added noise are not
 constexpr double kViewStep = 0.01;  // [s]
 
 struct Settings {
@@ -55,9 +57,7 @@ struct Votes {
 // Share of the events that lie near their segment's best line.
 struct Purity {
   double pure = 0, events = 0, near_any = 0;
-  void add(const Votes& v) {
-    pure += v.best().second, events += v.events, near_any += v.near_any;
-  }
+  void add(const Votes& v) { pure += v.best().second, events += v.events, near_any += v.near_any; }
 };
 
 // True lines by cells of the undistorted image, for one slot of time.
@@ -66,7 +66,8 @@ class Lookup {
   static constexpr int kCell = 4, kReach = 5, kBorder = 120;
 
   Lookup(int width, int height)
-      : cols_((width + 2 * kBorder) / kCell + 1), rows_((height + 2 * kBorder) / kCell + 1),
+      : cols_((width + 2 * kBorder) / kCell + 1),
+        rows_((height + 2 * kBorder) / kCell + 1),
         cells_(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_)) {}
 
   void fill(std::vector<TrueImage> lines) {
@@ -134,10 +135,12 @@ class Judge {
     for (const auto& [key, votes] : parts_) part.add(votes);
     for (const auto& [id, votes] : tracks_) life.add(votes);
     const auto [lives, longest] = track_lives();
-    return fmt::format("{:.3f} ({:.3f}) | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
-                       part.pure / part.events, part.pure / part.near_any, life.pure / life.events,
-                       static_cast<double>(found_) / wanted_, median(offsets_), median(angles_), median(lives),
-                       median(longest), tracks_.size());
+    return fmt::format(
+        "{:.3f} ({:.3f}) | {:.3f} | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
+        part.pure / part.events, part.pure / part.near_any, life.pure / life.events,
+        static_cast<double>(found_) / wanted_,
+        static_cast<double>(taken_) / std::max<std::int64_t>(1, unlisted_), median(offsets_), median(angles_),
+        median(lives), median(longest), tracks_.size());
   }
 
   void start(Time t) { next_view_ = t; }
@@ -161,6 +164,10 @@ class Judge {
     if (nearest < 1 && length > 20 && second > 4 && e.t % kGrid == 0) {
       ++wanted_;
       found_ += id != kNoLine ? 1 : 0;
+    }
+    if (nearest > kFar && e.t % kGrid == 0) {
+      ++unlisted_;
+      taken_ += id != kNoLine ? 1 : 0;
     }
     if (id == kNoLine) return;
     for (Votes* votes : {&parts_[{id, e.t / from_seconds(kPart)}], &tracks_[id]}) {
@@ -212,7 +219,8 @@ class Judge {
       const Time middle = (votes.first + votes.last) / 2;
       for (const auto& [from, to] : spans->second) {
         if (middle < from || middle > to || seconds_between(from, to) < 0.3) continue;
-        const double share = std::min(1.0, seconds_between(votes.first, votes.last) / seconds_between(from, to));
+        const double share =
+            std::min(1.0, seconds_between(votes.first, votes.last) / seconds_between(from, to));
         lives.push_back(share);
         double& most = best[{line, from}];
         most = std::max(most, share);
@@ -229,7 +237,7 @@ class Judge {
   std::map<std::pair<LineId, Time>, Votes> parts_;
   std::map<LineId, Votes> tracks_;
   std::map<int, std::vector<std::pair<Time, Time>>> in_view_;
-  std::int64_t wanted_ = 0, found_ = 0;
+  std::int64_t wanted_ = 0, found_ = 0, unlisted_ = 0, taken_ = 0;
   std::vector<double> offsets_, angles_;
 };
 
@@ -249,8 +257,10 @@ std::vector<Event> read_events(const std::filesystem::path& sequence, const Came
                                               seconds_between(begin, end));
   std::uniform_int_distribution<Time> time(begin, end);
   for (std::size_t i = 0; i < count; ++i)
-    events.push_back({time(rng) / kGrid * kGrid + 1, static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.width)),
-                      static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.height)), rng() % 2 == 0});
+    events.push_back({time(rng) / kGrid * kGrid + 1,
+                      static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.width)),
+                      static_cast<std::uint16_t>(rng() % static_cast<unsigned>(camera.height)),
+                      rng() % 2 == 0});
   std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
   return events;
 }
@@ -293,9 +303,10 @@ int run(int argc, char** argv) {
   std::vector<OptionField> fields;
   list_fields(settings.options, fields);
   fmt::print(
-      "| recording | purity (of those within 3 px of a listed line) | purity over life | recall | fit at the "
+      "| recording | purity (of those within 3 px of a listed line) | purity over life | recall | of far "
+      "events | fit at the "
       "middle | life of tracks / in view | longest track / in view | tracks | Mev/s |\n"
-      "|---|---|---|---|---|---|---|---|---|\n");
+      "|---|---|---|---|---|---|---|---|---|---|\n");
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     const auto equals = argument.find('=');

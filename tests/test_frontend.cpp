@@ -21,8 +21,8 @@ struct Edge {
 };
 
 // Events of edges over [t0, t1): uniform along each edge and in time, positions rounded to pixels.
-std::vector<Event> edge_events(const std::vector<Edge>& edges, double t0, double t1, double per_s, unsigned seed,
-                               std::vector<int>* owner = nullptr) {
+std::vector<Event> edge_events(const std::vector<Edge>& edges, double t0, double t1, double per_s,
+                               unsigned seed, std::vector<int>* owner = nullptr) {
   std::mt19937 rng(seed);
   std::uniform_real_distribution<double> along(-1, 1), time(t0, t1);
   std::vector<std::pair<Event, int>> all;
@@ -34,7 +34,8 @@ std::vector<Event> edge_events(const std::vector<Edge>& edges, double t0, double
           edge.through + along(rng) * edge.half * edge.direction() + edge.speed_px_s * t * edge.normal();
       if (p.x() < 0 || p.y() < 0 || p.x() > 239 || p.y() > 179) continue;
       all.push_back({{from_seconds(t), static_cast<std::uint16_t>(std::lround(p.x())),
-                      static_cast<std::uint16_t>(std::lround(p.y())), edge.polarity}, static_cast<int>(k)});
+                      static_cast<std::uint16_t>(std::lround(p.y())), edge.polarity},
+                     static_cast<int>(k)});
     }
   }
   std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first.t < b.first.t; });
@@ -49,8 +50,11 @@ std::vector<Event> edge_events(const std::vector<Edge>& edges, double t0, double
 std::vector<SpacetimePoint> points_of(const std::vector<Event>& events, double c) {
   std::vector<SpacetimePoint> points;
   for (const auto& e : events)
-    points.push_back({{static_cast<float>(e.x), static_cast<float>(e.y), static_cast<float>(static_cast<double>(e.t) / kNsPerS / c)},
-                      e.x, e.y, e.polarity});
+    points.push_back({{static_cast<float>(e.x), static_cast<float>(e.y),
+                       static_cast<float>(static_cast<double>(e.t) / kNsPerS / c)},
+                      e.x,
+                      e.y,
+                      e.polarity});
   return points;
 }
 
@@ -102,7 +106,8 @@ TEST(MovingLine, FitsATurningAcceleratingLineAndTellsACurve) {
     const double t = 0.05 * (1 + uniform(rng)), u = 40 * uniform(rng);
     const double angle = 0.7 + 2.0 * t;
     const Eigen::Vector2d n(-std::sin(angle), std::cos(angle));
-    const Eigen::Vector2d p = Eigen::Vector2d(100, 80) + u * Eigen::Vector2d(std::cos(angle), std::sin(angle)) +
+    const Eigen::Vector2d p = Eigen::Vector2d(100, 80) +
+                              u * Eigen::Vector2d(std::cos(angle), std::sin(angle)) +
                               (80 * t + 300 * t * t) * n + 0.3 * uniform(rng) * n;
     line.emplace_back(p.x(), p.y(), t);
     const double phi = 0.7 * uniform(rng);
@@ -171,7 +176,8 @@ TEST(Segmenter, OddInputGivesNoSegments) {
   std::mt19937 rng(6);
   window.events.clear();
   for (int i = 0; i < 3000; ++i)
-    window.events.push_back({i * 10000, static_cast<std::uint16_t>(rng() % 240), static_cast<std::uint16_t>(rng() % 180), true});
+    window.events.push_back(
+        {i * 10000, static_cast<std::uint16_t>(rng() % 240), static_cast<std::uint16_t>(rng() % 180), true});
   window.end = 30'000'000;
   EXPECT_TRUE(segmenter->process(window).segments.empty());
 }

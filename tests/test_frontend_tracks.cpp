@@ -1,10 +1,12 @@
 // Segment method `track`: synthetic moving edges, noise, and inputs that no camera should send.
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <random>
 #include <set>
 
+#include "idol/frontend/line_detector.hpp"
 #include "idol/frontend/segments.hpp"
 
 namespace idol {
@@ -115,6 +117,146 @@ TEST(TrackSegments, AnySensorSize) {
   std::size_t n = 0;
   for (const auto& window : run(events, 1280, 720, 777)) n += window.segments.size();
   EXPECT_GE(n, 4U);
+}
+
+// Events of a curve of points that moves to the right at 200 px/s; each pixel on it fires twice.
+std::vector<Event> moving(const std::vector<Eigen::Vector2d>& points, double seconds) {
+  constexpr double kSpeed = 200;
+  std::mt19937 rng(5);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Event> events;
+  std::vector<Time> last(240 * 180, -from_seconds(1));
+  for (double t = 0; t < seconds; t += 0.2 / kSpeed)
+    for (const auto& p : points) {
+      const int x = static_cast<int>(std::lround(p.x() + kSpeed * t)),
+                y = static_cast<int>(std::lround(p.y()));
+      Time& before = last[static_cast<std::size_t>(y * 240 + x)];
+      const Time now = from_seconds(t + 0.2 / kSpeed * unit(rng));
+      if (seconds_between(before, now) < 2.5 / kSpeed) continue;
+      before = now;
+      for (int k = 0; k < 2; ++k)
+        events.push_back(
+            {now + k * 500'000, static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), true});
+    }
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  return events;
+}
+
+double share_labelled(const std::vector<Event>& events) {
+  std::vector<LineId> ids;
+  run(events, 240, 180, 1000, &ids);
+  return static_cast<double>(std::count_if(ids.begin(), ids.end(), [](LineId id) { return id != kNoLine; })) /
+         static_cast<double>(ids.size());
+}
+
+TEST(TrackSegments, CirclesAreNoLines) {
+  for (const double radius : {15.0, 25.0}) {
+    std::vector<Eigen::Vector2d> circle, side;
+    for (double a = 0; a < 2 * M_PI; a += 0.3 / radius)
+      circle.emplace_back(50 + radius * std::cos(a), 90 + radius * std::sin(a));
+    for (double y = 90 - radius; y < 90 + radius; y += 0.3) side.emplace_back(50, y);
+    EXPECT_LT(share_labelled(moving(circle, 0.6)), 0.05) << radius;
+    EXPECT_GT(share_labelled(moving(side, 0.6)), 0.6) << radius;  // the same way of making events, straight
+  }
+}
+
+// Against the covariance of the very points, one by one.
+TEST(PatchPlane, AgreesWithTheBruteForceCovariance) {
+  constexpr int kReach = PatchSums::kReach, kWidth = 2 * kReach + 2;
+  constexpr std::uint32_t kNow = 1'000'000, kSpan = 50'000;
+  constexpr float kPerUs = 1e-4F;
+  std::mt19937 rng(7);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int trial = 0; trial < 500; ++trial) {
+    std::array<std::uint32_t, kWidth * kWidth> stamps{};
+    std::vector<Eigen::Vector3d> points;
+    const double slope_x = 8000 * unit(rng), slope_y = 8000 * unit(rng);
+    PatchSums sums;
+    for (int y = -kReach; y <= kReach; ++y) {
+      std::uint32_t* row = &stamps[static_cast<std::size_t>((y + kReach) * kWidth)];
+      for (int x = -kReach; x <= kReach; ++x) {
+        const double age = slope_x * x + slope_y * y + 1500 * unit(rng);
+        if (unit(rng) < -0.4) continue;
+        row[x + kReach] = kNow - static_cast<std::uint32_t>(std::lround(std::max(0.0, 15'000 + age)));
+        const std::uint32_t rounded = kNow - row[x + kReach];
+        if (rounded <= kSpan) points.emplace_back(x, y, -kPerUs * rounded);
+      }
+      sums.add_row(row + kReach, kNow, kSpan, kPerUs, static_cast<float>(y));
+    }
+    ASSERT_EQ(sums.count(), std::ssize(points));
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const auto& p : points) mean += p / static_cast<double>(points.size());
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    for (const auto& p : points)
+      covariance += (p - mean) * (p - mean).transpose() / static_cast<double>(points.size());
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
+    const auto plane = sums.plane();
+    ASSERT_TRUE(plane);
+    EXPECT_NEAR(plane->planarity, 1 - eigen.eigenvalues()[0] / eigen.eigenvalues()[1], 1e-4);
+    // Where two eigenvalues are nearly one, the normal is any direction between.
+    if (plane->planarity < 0.05) continue;
+    const Eigen::Vector3d normal = plane->normal.cast<double>();
+    EXPECT_LT(normal.cross(eigen.eigenvectors().col(0)).norm(), 1e-4);
+  }
+}
+
+// An edge that turns back at once: what its events cannot tell soon enough, the gyro does.
+TEST(TrackSegments, KnownTurnsAreFollowedAtOnce) {
+  Camera camera;
+  camera.width = 240, camera.height = 180;
+  camera.fx = camera.fy = 200, camera.cx = 120, camera.cy = 90;
+  constexpr double kRate = 2, kSpeed = 200 * kRate, kTurn = 0.2;  // [rad/s], [px/s] at the middle, [s]
+  std::mt19937 rng(3);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Event> events;
+  for (double t = 0; t < 2 * kTurn; t += 1 / kSpeed) {
+    const double x = 80 + kSpeed * (t < kTurn ? t : 2 * kTurn - t);
+    for (int y = 60; y < 120; ++y)
+      for (int k = 0; k < 2; ++k)
+        events.push_back({from_seconds(t + 0.8 * unit(rng) / kSpeed),
+                          static_cast<std::uint16_t>(std::lround(x)), static_cast<std::uint16_t>(y),
+                          t < kTurn});
+  }
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  std::vector<CameraRate> rates;
+  for (double t = 0; t < 2 * kTurn; t += 0.001)
+    rates.push_back({from_seconds(t), Vec3(0, t < kTurn ? -kRate : kRate, 0)});
+
+  const UndistortMap undistort(camera);
+  EXPECT_NEAR(undistort.rotational_flow({120, 90}, rates[0].omega).x(), kSpeed, 1e-9);
+  const auto tracks = [&](std::span<const CameraRate> given) {
+    const auto segmenter = make_segmenter(track_options(), undistort);
+    Windower windower(WindowOptions{});
+    windower.push(events);
+    std::set<LineId> seen;
+    const auto take = [&](const EventWindow& window) {
+      for (const Segment& s : segmenter->process(window, given).segments) seen.insert(s.id);
+    };
+    while (const auto window = windower.pop()) take(*window);
+    if (const auto window = windower.flush()) take(*window);
+    return seen.size();
+  };
+  EXPECT_EQ(tracks(rates), 1U);
+  EXPECT_GT(tracks({}), 1U);
+}
+
+TEST(TrackSegments, SaysWhatBecameOfTheEvents) {
+  auto events = edge(200, 0.8, 5);
+  for (int k = 0; k < 20'000; ++k) events.push_back({from_seconds(k * 4e-5), 200, 20, true});  // a hot pixel
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  const UndistortMap undistort(240, 180);
+  auto options = track_options();
+  options.track.detect_rate = 1e4;
+  const auto segmenter = make_segmenter(options, undistort);
+  Windower windower(WindowOptions{});
+  windower.push(events);
+  while (const auto window = windower.pop()) segmenter->process(*window);
+  const SegmenterCounts counts = segmenter->counts();
+  EXPECT_GT(counts.in_segments, 15'000);
+  EXPECT_GT(counts.hot, 15'000);
+  EXPECT_GT(counts.unsupported, 100'000);
+  EXPECT_GT(counts.thinned, 100);
+  EXPECT_LE(counts.in_segments + counts.hot + counts.unsupported + counts.thinned, counts.events);
 }
 
 }  // namespace

@@ -153,6 +153,12 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
                      {"segment", total.segment_s},
                      {"integrate", total.integrate_s},
                      {"solve", total.solve_s}};
+  const SegmenterCounts counts = odometry.event_counts();
+  stats["front_end"] = {{"events", counts.events},
+                        {"in_segments", counts.in_segments},
+                        {"hot_pixels", counts.hot},
+                        {"unsupported", counts.unsupported},
+                        {"thinned", counts.thinned}};
   stats["windows"] = rows_.size();
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
   stats["residuals"] = peak_residuals;

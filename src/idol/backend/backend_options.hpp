@@ -21,7 +21,7 @@ struct BackendOptions {
   double repulsion_sigma_px = 10;
   double attraction_sigma = 10;
   int max_events_per_observation = 20;
-  int max_lines_per_window = 40;
+  int max_lines_per_window = 60;
   int min_windows = 3;
   double first_depth_m = 2.0;
   double depth_prior_log = 1.0;
@@ -29,8 +29,9 @@ struct BackendOptions {
   double cull_px = 1.5;
   double bin_s = 0.01;
   int min_bin_events = 5;
-  double bin_sigma_px = 1.0;
-  double bin_cauchy_sigmas = 1;
+  double bin_gate_px = 0.8;
+  double bin_sigma_px = 2.0;
+  double bin_cauchy_sigmas = 0.4;
   double create_depth_sigma = 0.08;
   double create_rms_px = 1.0;
   int few_lines = 8;
@@ -77,6 +78,8 @@ struct BackendOptions {
     visit("bin_s", self.bin_s, Range{0.001, 0.1},
           "events of a line within this time are compressed to two points [s]");
     visit("min_bin_events", self.min_bin_events, Range{2, 1000}, "fewer events in a bin are not used");
+    visit("bin_gate_px", self.bin_gate_px, Range{0.1, 10},
+          "events farther from their segment's line are left out of its bins [px]");
     visit(
         "bin_sigma_px", self.bin_sigma_px, Range{0.05, 10},
         "standard deviation of the distance of a bin of many events: their errors are not independent [px]");

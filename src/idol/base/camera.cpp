@@ -89,6 +89,15 @@ UndistortMap::UndistortMap(int width, int height) : width_(width), height_(heigh
 
 UndistortMap::UndistortMap(const Camera& camera) : UndistortMap(camera.width, camera.height) {
   for (auto& px : map_) px = camera.undistort(px.cast<double>()).cast<float>();
+  focal_ = {camera.fx, camera.fy};
+  centre_ = {camera.cx, camera.cy};
+}
+
+Vec2 UndistortMap::rotational_flow(const Vec2& px, const Vec3& omega) const {
+  if (focal_.x() == 0) return Vec2::Zero();
+  const Vec2 m = (px - centre_).cwiseQuotient(focal_);
+  const Vec3 turn = m.homogeneous().cross(omega);  // of the point in the camera's frame
+  return focal_.cwiseProduct(turn.head<2>() - m * turn.z());
 }
 
 }  // namespace idol

@@ -48,9 +48,13 @@ class UndistortMap {
   }
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
+  /// Velocity of an undistorted pixel of a static, far scene while the camera turns at `omega` (camera frame)
+  /// [rad/s]; zero without a calibration [px/s].
+  [[nodiscard]] Vec2 rotational_flow(const Vec2& px, const Vec3& omega) const;
 
  private:
   int width_, height_;
+  Vec2 focal_ = Vec2::Zero(), centre_ = Vec2::Zero();  // of the undistorted image [px]
   std::vector<Eigen::Vector2f> map_;
 };
 

@@ -39,6 +39,12 @@ struct ImuSample {
   Vec3 gyro = Vec3::Zero();   ///< angular rate [rad/s]
 };
 
+/// Angular rate of the camera, in its own frame.
+struct CameraRate {
+  Time t = 0;
+  Vec3 omega = Vec3::Zero();  ///< [rad/s]
+};
+
 /// A chunk of a recording. Each stream is in time order; chunk borders carry no meaning.
 struct Packet {
   std::vector<Event> events;

@@ -107,7 +107,7 @@ ClusterSegmenter::ClusterSegmenter(const SegmentOptions& options, const Undistor
       undistort_(&undistort),
       c_(options.c_s_per_px > 0 ? options.c_s_per_px : kFirstScale) {}
 
-SegmentedWindow ClusterSegmenter::process(const EventWindow& window) {
+SegmentedWindow ClusterSegmenter::process(const EventWindow& window, std::span<const CameraRate> /*rates*/) {
   const auto points = to_points(window, *undistort_, c_);
   const SpacetimeGrid grid(points, undistort_->width(), undistort_->height());
   const auto planes =
@@ -135,14 +135,15 @@ SegmentedWindow ClusterSegmenter::process(const EventWindow& window) {
   out.ids.assign(window.events.size(), kNoLine);
   for (const auto& segment : out.segments)
     for (std::uint32_t i : segment.events) out.ids[i] = segment.id;
+  counts_.add(window, out.ids);
   previous_ids_ = out.ids;
   adapt_scale(out.speed_px_s);
   return out;
 }
 
 std::optional<Segment> ClusterSegmenter::fit_segment(const EventWindow& window,
-                                              std::span<const std::uint32_t> cluster,
-                                              const Eigen::Vector2d& normal) const {
+                                                     std::span<const std::uint32_t> cluster,
+                                                     const Eigen::Vector2d& normal) const {
   std::vector<TimedPixel> events;
   for (std::uint32_t i : cluster) {
     const Event& e = window.events[i];

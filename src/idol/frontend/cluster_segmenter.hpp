@@ -13,7 +13,9 @@ namespace idol {
 class ClusterSegmenter : public Segmenter {
  public:
   ClusterSegmenter(const SegmentOptions& options, const UndistortMap& undistort);
-  SegmentedWindow process(const EventWindow& window) override;
+  using Segmenter::process;
+  SegmentedWindow process(const EventWindow& window, std::span<const CameraRate> rates) override;
+  [[nodiscard]] SegmenterCounts counts() const override { return counts_; }
 
  private:
   // A line as last seen.
@@ -37,6 +39,7 @@ class ClusterSegmenter : public Segmenter {
   LineId next_id_ = 0;
   std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
   std::map<LineId, Memory> memory_;
+  SegmenterCounts counts_;
 };
 
 }  // namespace idol

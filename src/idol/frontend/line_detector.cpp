@@ -17,8 +17,9 @@ constexpr float kMaxDistance = 1.0F;    // of an event from its neighbour's movi
 constexpr int kMinCluster = 24;         // passages before a cluster is tested, and between tests
 constexpr double kMaxThickness = 0.62;  // rms distance of a cluster's events from its moving line [px]
 
-// Least eigenvalue by Newton's method on the characteristic polynomial, from 0 on: it is convex up to there, so the steps
-// never pass it. Its vector is across two rows of A - lambda I. Ten times the speed of a general solver.
+// Least eigenvalue by Newton's method on the characteristic polynomial, from 0 on: it is convex up to there,
+// so the steps never pass it. Its vector is across two rows of A - lambda I. Ten times the speed of a general
+// solver.
 PatchPlane plane_of(const Eigen::Matrix3d& A) {
   constexpr int kSteps = 12;
   const double trace = A.trace(), det = A.determinant();
@@ -139,7 +140,8 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
   const std::size_t pixel = static_cast<std::size_t>(event.y) * width_ + event.x;
   Cell& own = cells[pixel];
   const auto pixel_us = static_cast<std::uint32_t>(c * 1e6);
-  if (stamps[pixel] != 0 && now - stamps[pixel] < 2 * pixel_us) return std::nullopt;  // later event of the same passage
+  if (stamps[pixel] != 0 && now - stamps[pixel] < 2 * pixel_us)
+    return std::nullopt;  // later event of the same passage
   stamps[pixel] = now == 0 ? 1 : now;
   own = {};
   constexpr int kReach = PatchSums::kReach;

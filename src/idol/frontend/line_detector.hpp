@@ -19,13 +19,13 @@ struct PatchPlane {
   float planarity = 0;
 };
 
-/// Moments of the points of a patch of 7x7 pixels, in one pass without neighbour lists: row by row, its pixels side by
-/// side. Coordinates [px, px, px of time] from the patch's centre.
+/// Moments of the points of a patch of 7x7 pixels, in one pass without neighbour lists: row by row, its
+/// pixels side by side. Coordinates [px, px, px of time] from the patch's centre.
 class PatchSums {
  public:
   static constexpr int kReach = 3;
-  /// `stamps` [us]: of the row's middle pixel, with kReach more before and kReach + 1 after it; 0 = no event. Points older than
-  /// `span` before `now` are left out; an age of 1 us counts as -`per_us` in time.
+  /// `stamps` [us]: of the row's middle pixel, with kReach more before and kReach + 1 after it; 0 = no event.
+  /// Points older than `span` before `now` are left out; an age of 1 us counts as -`per_us` in time.
   void add_row(const std::uint32_t* stamps, std::uint32_t now, std::uint32_t span, float per_us, float y);
   [[nodiscard]] int count() const;
   /// nullopt for fewer than three points.

@@ -8,25 +8,25 @@ namespace idol {
 namespace {
 
 constexpr double kFastestScale = 0.001, kSlowestScale = 0.025;  // [s/px]
-constexpr int kCell = 2;               // cells of the image that name the lines in them [px]
+constexpr int kCell = 2;                           // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = LineTrack::kOutside;  // events this far beyond an end are looked at [px]
-constexpr double kEndFade = 0.6;       // of the counts about the ends at each look
-constexpr float kEndDensity = 0.5F;    // of the line's density: where it falls below, the line ends
-constexpr double kFlowSigma = 0.2;     // of a line's motion about the flow, over the usual speed
-constexpr double kOverlap = 1;         // of two tracks of one line, at least: its pieces grow until they meet [px]
-constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
-constexpr double kBatchSigma = 0.2;    // what the events of a batch err together [px]
-constexpr double kAcceleration = 1e6;  // spectral density of the image acceleration [px^2/s^3]
-constexpr double kConfirmTravel = 3;   // motion before a track gets known [px]
-constexpr double kFade = 0.6;          // of the statistics at each look
+constexpr double kEndFade = 0.6;                   // of the counts about the ends at each look
+constexpr float kEndDensity = 0.5F;  // of the line's density: where it falls below, the line ends
+constexpr double kFlowSigma = 0.2;   // of a line's motion about the flow, over the usual speed
+constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
+constexpr double kEventSigma = 0.55;    // scatter of an edge's events across it [px]
+constexpr double kBatchSigma = 0.2;     // what the events of a batch err together [px]
+constexpr double kAcceleration = 1e6;   // spectral density of the image acceleration [px^2/s^3]
+constexpr double kConfirmTravel = 3;    // motion before a track gets known [px]
+constexpr double kFade = 0.6;           // of the statistics at each look
 constexpr float kCoreGate = 0.67F;      // of the gate: near the line
-constexpr float kParallel = 0.99F;     // cosine between two pieces of one line
-constexpr double kMinCore = 0.6;       // share of near events among near and ring, else texture
-constexpr double kSure = 2;            // standard deviations of the noise
-constexpr double kMinDensity = 0.12;   // events per px of line and px of motion
+constexpr float kParallel = 0.99F;      // cosine between two pieces of one line
+constexpr double kMinCore = 0.6;        // share of near events among near and ring, else texture
+constexpr double kSure = 2;             // standard deviations of the noise
+constexpr double kMinDensity = 0.12;    // events per px of line and px of motion
 constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an event
-constexpr double kNoiseMemory = 0.2;   // [s]
-constexpr int kHot = 24;               // unsupported events in half a second or so
+constexpr double kNoiseMemory = 0.2;    // [s]
+constexpr int kHot = 24;                // unsupported events in half a second or so
 
 }  // namespace
 
@@ -70,7 +70,8 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
     for (int x = 0; x < w; ++x) {
       const Eigen::Vector2f p = undistort(x, y), inside = p.cwiseMax(low).cwiseMin(high);
       const Eigen::Vector2i cell = ((inside - low_) / kCell).cast<int>();
-      pixels_[static_cast<std::size_t>(y) * w + x] = {p.x(), p.y(), static_cast<std::uint32_t>(cell.y() * cols_ + cell.x()), 0};
+      pixels_[static_cast<std::size_t>(y) * w + x] = {
+          p.x(), p.y(), static_cast<std::uint32_t>(cell.y() * cols_ + cell.x()), 0};
     }
   for (auto& last : last_) last.resize(pixels);
 }
@@ -85,8 +86,33 @@ std::size_t LineTracker::batch_length(std::span<const Event> events, Time origin
 }
 
 LineId LineTracker::final_id(LineId id) const {
-  while (id >= 0 && merged_[static_cast<std::size_t>(id)] != id) id = merged_[static_cast<std::size_t>(id)];
+  for (LineId next = known_.at(id).merged_into; next != kNoLine; next = known_.at(id).merged_into) id = next;
   return id;
+}
+
+void LineTracker::forget_before(Time t) {
+  for (const auto& track : tracks_) known_.at(track.id).last_event = t;
+  for (const auto& [id, known] : known_)
+    if (known.last_event >= t)
+      for (LineId next = known.merged_into; next != kNoLine; next = known_.at(next).merged_into)
+        known_.at(next).last_event = std::max(known_.at(next).last_event, t);
+  std::erase_if(known_, [&](const auto& entry) { return entry.second.last_event < t; });
+}
+
+// A turn moves the whole image in a known way: what it changes, no line has to learn from its events.
+void LineTracker::turn(Time from, const Vec3& omega) {
+  if (omega_) {
+    const Vec3 change = omega - *omega_;
+    for (LineTrack& track : tracks_) {
+      advance(track, from);
+      const Eigen::Vector2d half = std::max(1.0, 0.5 * (track.hi - track.lo)) * track.dir;
+      const Eigen::Vector2d a = undistort_->rotational_flow(track.centre - half, change);
+      const Eigen::Vector2d b = undistort_->rotational_flow(track.centre + half, change);
+      track.x[2] += track.normal.dot(a + b) / 2;
+      track.x[3] += track.normal.dot(b - a) / (2 * half.norm());
+    }
+  }
+  omega_ = omega;
 }
 
 // Constant velocity; the frame moves along so that offset and slope are zero again.
@@ -131,6 +157,13 @@ void LineTracker::count_end(LineTrack::EndCounts& counts, float beyond) {
   if (beyond > -LineTrack::kInside && at < counts.size()) ++counts[at];
 }
 
+void LineTracker::advance(LineTrack& track, Time t) const {
+  const double way = seconds_between(track.time, t) * std::abs(track.x[2]);
+  track.travel += way;
+  track.fresh_travel += way;
+  predict(track, t);
+}
+
 // Names the line in all cells that come within `band` of it.
 void LineTracker::draw(std::uint16_t index, const Fast& line, float band) {
   const bool flat = std::abs(line.dx) > std::abs(line.dy);
@@ -138,7 +171,8 @@ void LineTracker::draw(std::uint16_t index, const Fast& line, float band) {
   const float along = flat ? line.dx : line.dy, slope = (flat ? line.dy : line.dx) / along;
   const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) / kCell;
   const float p0 = flat ? centre.x() : centre.y(), q0 = flat ? centre.y() : centre.x();
-  const float from = p0 + (line.lo - kEndMargin) * along / kCell, to = p0 + (line.hi + kEndMargin) * along / kCell;
+  const float from = p0 + (line.lo - kEndMargin) * along / kCell,
+              to = p0 + (line.hi + kEndMargin) * along / kCell;
   const int n = flat ? cols_ : rows_, across = flat ? rows_ : cols_;
   const int step = flat ? cols_ : 1, stride = flat ? 1 : cols_;
   const float reach = band / kCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
@@ -172,10 +206,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   std::vector<Fast> fast(tracks_.size());
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
     LineTrack& track = tracks_[k];
-    const double before = seconds_between(track.time, middle) * std::abs(track.x[2]);
-    track.travel += before;
-    track.fresh_travel += before;
-    predict(track, middle);
+    advance(track, middle);
     Fast& f = fast[k];
     f.cx = static_cast<float>(track.centre.x()), f.cy = static_cast<float>(track.centre.y());
     f.dx = static_cast<float>(track.dir.x()), f.dy = static_cast<float>(track.dir.y());
@@ -197,7 +228,10 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     labels[i] = kNoLine;
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
     const Pixel& px = pixels_[pixel];
-    if (px.lonely >= kHot) continue;
+    if (px.lonely >= kHot) {
+      ++hot_;
+      continue;
+    }
     const Claim& claim = claims_[px.cell];
     if (claim.line[0] == 0) {
       rest.push_back(i);
@@ -253,20 +287,24 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     }
     if (!best_on) continue;
     ++f.n;
-    f.u += best_u, f.uu += best_u * best_u, f.r += best, f.ur += best_u * best, f.t += dt, f.rr += best * best;
+    f.u += best_u, f.uu += best_u * best_u, f.r += best, f.ur += best_u * best, f.t += dt,
+        f.rr += best * best;
     const float v = (best_u - f.mid) * f.inv_half;
     f.bow += best * (1.5F * v * v - 0.5F);
   }
   for (const std::uint32_t cell : drawn_) claims_[cell] = {};
   drawn_.clear();
 
-  // A batch stands for the time since the one before; after a long pause, for as long as it was thought to be.
+  // A batch stands for the time since the one before; after a long pause, for as long as it was thought to
+  // be.
   const double duration = std::clamp(seconds_between(last_batch_, end), 0.0, 5 * options_.batch_s);
   last_batch_ = end;
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
     correct(tracks_[k], fast[k], background_ * duration);
     judge(tracks_[k], end);
-    normals_[static_cast<std::size_t>(tracks_[k].id)] = tracks_[k].normal;
+    Known& known = known_.at(tracks_[k].id);
+    known.normal = tracks_[k].normal;
+    known.last_event = tracks_[k].last_event;
   }
   std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
 
@@ -290,10 +328,14 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
           us - last[pixel + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(d))] < support ? 1 : 0;
     if (neighbours == 0) {
       ++alone;
+      ++unsupported_;
       if (pixels_[pixel].lonely < 255) ++pixels_[pixel].lonely;
       continue;
     }
-    if (neighbours < 2) continue;
+    if (neighbours < 2) {
+      ++unsupported_;
+      continue;
+    }
     if (const auto found = detector_.add(e, c_, options_.min_length_px)) seed(*found, e.t);
   }
   if (duration > 0) {
@@ -394,9 +436,10 @@ void LineTracker::judge(LineTrack& track, Time now) {
   if (track.alive && !track.confirmed && track.travel > kConfirmTravel && near > 40 &&
       length >= options_.min_length_px && bow < options_.max_bow_px) {
     track.confirmed = true;
-    confirmed_[static_cast<std::size_t>(track.id)] = true;
+    known_.at(track.id).confirmed = true;
   }
-  for (double* sum : {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
+  for (double* sum :
+       {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
     *sum *= kFade;
   track.fresh_travel *= kFade;
 }
@@ -429,10 +472,8 @@ void LineTracker::seed(const LineSeed& seed, Time now) {
     other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
     return;
   }
-  track.id = static_cast<LineId>(merged_.size());
-  merged_.push_back(track.id);
-  confirmed_.push_back(false);
-  normals_.push_back(track.normal);
+  track.id = next_id_++;
+  known_[track.id] = {kNoLine, false, track.normal, now};
   tracks_.push_back(track);
 }
 
@@ -461,10 +502,10 @@ void LineTracker::merge_lines(Time now) {
         continue;  // the two edges of a thin bar
       a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
       b.alive = false;
-      merged_[static_cast<std::size_t>(b.id)] = a.id;
+      known_.at(b.id).merged_into = a.id;
       if (b.confirmed && !a.confirmed) {
         a.confirmed = true;
-        confirmed_[static_cast<std::size_t>(a.id)] = true;
+        known_.at(a.id).confirmed = true;
       }
     }
   }
@@ -484,7 +525,8 @@ void LineTracker::adapt_scale() {
 }
 
 Eigen::Vector2d LineTracker::flow(const Eigen::Vector2d& px) const {
-  const Eigen::Vector2d at = 2.0 / undistort_->width() * px - Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
+  const Eigen::Vector2d at =
+      2.0 / undistort_->width() * px - Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
   return flow_ * Eigen::Vector3d(1, at.x(), at.y());
 }
 
@@ -499,7 +541,8 @@ void LineTracker::fit_flow() {
     if (!t.confirmed) continue;
     const double off = t.x[2] - t.normal.dot(flow(t.centre));
     const double weight = 1 / (sigma * sigma + t.P(2, 2) + off * off);
-    const Eigen::Vector2d at = 2.0 / undistort_->width() * t.centre - Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
+    const Eigen::Vector2d at = 2.0 / undistort_->width() * t.centre -
+                               Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
     const Eigen::Vector3d p(1, at.x(), at.y());
     Vec6 a;
     a << t.normal.x() * p, t.normal.y() * p;

@@ -6,7 +6,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <unordered_map>
 #include <vector>
 
 #include "idol/base/camera.hpp"
@@ -56,8 +58,8 @@ struct LineTrack {
   bool alive = true;
   double travel = 0;        ///< motion since birth [px]
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
-  double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0,
-         spread = 0, noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate
+  double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0, spread = 0,
+         noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate
   /// Claimed events by pixels about an end, from `kInside` px inside to the outermost; fading like `all`.
   static constexpr int kInside = 4, kOutside = 6;
   using EndCounts = Eigen::Array<float, kInside + kOutside, 1>;
@@ -69,23 +71,30 @@ class LineTracker {
  public:
   LineTracker(const TrackOptions& options, const UndistortMap& undistort);
 
-  /// How many of `events` make the next batch: batches tile the time from `origin` on, and end early when full.
+  /// How many of `events` make the next batch: batches tile the time from `origin` on, and end early when
+  /// full.
   [[nodiscard]] std::size_t batch_length(std::span<const Event> events, Time origin) const;
   /// Labels a batch of events (time order, all inside one batch); -1 = none. Ids of unconfirmed tracks count
   /// too.
   void process(std::span<const Event> events, LineId* labels);
 
   [[nodiscard]] const std::vector<LineTrack>& tracks() const { return tracks_; }
+  /// The camera's angular rate from that time on, in its own frame [rad/s]: the lines' rates follow its
+  /// change.
+  void turn(Time from, const Vec3& omega);
+  /// Forgets dead tracks without events from `t` on; their ids must not be asked for any more.
+  void forget_before(Time t);
+
   /// True if the track was ever confirmed.
-  [[nodiscard]] bool confirmed(LineId id) const {
-    return id >= 0 && confirmed_[static_cast<std::size_t>(id)];
-  }
+  [[nodiscard]] bool confirmed(LineId id) const { return known_.at(id).confirmed; }
   /// Id that a track was merged into, or its own.
   [[nodiscard]] LineId final_id(LineId id) const;
   /// Normal of a track, dead or alive, as last seen.
-  [[nodiscard]] const Eigen::Vector2d& normal(LineId id) const {
-    return normals_[static_cast<std::size_t>(id)];
-  }
+  [[nodiscard]] const Eigen::Vector2d& normal(LineId id) const { return known_.at(id).normal; }
+  /// Events so far: of hot pixels, without a line and without support, left out of the search for new lines.
+  [[nodiscard]] std::int64_t hot() const { return hot_; }
+  [[nodiscard]] std::int64_t unsupported() const { return unsupported_; }
+  [[nodiscard]] std::int64_t thinned() const { return detector_.skipped(); }
   [[nodiscard]] double c_s_per_px() const { return c_; }
   [[nodiscard]] const TrackOptions& options() const { return options_; }
 
@@ -93,6 +102,7 @@ class LineTracker {
   struct Candidate;
   struct Fast;  // a track's prediction in single precision, and the batch's sums
   void predict(LineTrack& track, Time t) const;
+  void advance(LineTrack& track, Time t) const;
   void draw(std::uint16_t index, const Fast& line, float band);
   void correct(LineTrack& track, const Fast& sums, double noise);
   void judge(LineTrack& track, Time now);
@@ -109,9 +119,16 @@ class LineTracker {
   const UndistortMap* undistort_;
   LineDetector detector_;
   std::vector<LineTrack> tracks_;
-  std::vector<bool> confirmed_;
-  std::vector<LineId> merged_;
-  std::vector<Eigen::Vector2d> normals_;
+  // What is still asked of a track after its end.
+  struct Known {
+    LineId merged_into = kNoLine;
+    bool confirmed = false;
+    Eigen::Vector2d normal = Eigen::Vector2d::UnitY();
+    Time last_event = 0;
+  };
+  std::unordered_map<LineId, Known> known_;
+  LineId next_id_ = 0;
+  std::optional<Vec3> omega_;  // [rad/s]
   double c_ = 0.01;
   // Affine image flow: of (1, x, y) from the image's middle in units of half its width [px/s].
   Eigen::Matrix<double, 2, 3> flow_ = Eigen::Matrix<double, 2, 3>::Zero();
@@ -125,13 +142,14 @@ class LineTracker {
   std::vector<Claim> claims_;
   std::vector<std::uint32_t> drawn_;
   struct Pixel {
-    float x, y;            // undistorted
+    float x, y;  // undistorted
     std::uint32_t cell;
     std::uint32_t lonely;  // events without a neighbour's support, fading: many of a hot pixel
   };
   std::vector<Pixel> pixels_;
   std::vector<std::uint32_t> last_[2];  // event of a pixel and polarity [us]
   Time next_fade_ = 0, last_batch_ = 0;
+  std::int64_t hot_ = 0, unsupported_ = 0;
   double background_ = 0;  // events of noise [1/(px s)]
 };
 

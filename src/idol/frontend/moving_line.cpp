@@ -82,8 +82,7 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
     Hs.diagonal().array() += 1e-4 * n;
     const Vec6 bs = inverse.cwiseProduct(b);
     line.c = inverse.head<5>().cwiseProduct(Hs.topLeftCorner<5, 5>().ldlt().solve(bs.head<5>()));
-    const double left =
-        squares - 2 * line.c.dot(b.head<5>()) + line.c.dot(H.topLeftCorner<5, 5>() * line.c);
+    const double left = squares - 2 * line.c.dot(b.head<5>()) + line.c.dot(H.topLeftCorner<5, 5>() * line.c);
     line.rms_px = std::sqrt(std::max(0.0, left) / n);
     gate = std::clamp(2.5 * line.rms_px, 0.5 * gate_px, round == 0 ? 2 * gate_px : gate_px);
     if (round + 1 < kRounds) continue;
@@ -94,8 +93,7 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
     line.u_min = *low;
     std::nth_element(low, high, feet.end());
     line.u_max = *high;
-    line.bow_px =
-        std::abs((Hs.ldlt().solve(bs))[5] * inverse[5]) * std::pow(line.length_px() / 2, 2);
+    line.bow_px = std::abs((Hs.ldlt().solve(bs))[5] * inverse[5]) * std::pow(line.length_px() / 2, 2);
   }
   return line;
 }

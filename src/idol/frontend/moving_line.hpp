@@ -1,4 +1,5 @@
-// A straight line moving in the image, fitted to events of a short time span: the test that a cluster is a line.
+// A straight line moving in the image, fitted to events of a short time span: the test that a cluster is a
+// line.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,12 +12,12 @@ namespace idol {
 /// Position and time of an event: px, px, s since the window's begin.
 using TimedPixel = Eigen::Vector3d;
 
-/// In a frame along (u) and across (w) the line: w = c0 + c1 u + (c2 + c3 u) t + c4 t^2, u and w from `origin`, t from
-/// `time`. Exact for a line under constant image velocity and rotation rate to first order.
+/// In a frame along (u) and across (w) the line: w = c0 + c1 u + (c2 + c3 u) t + c4 t^2, u and w from
+/// `origin`, t from `time`. Exact for a line under constant image velocity and rotation rate to first order.
 struct MovingLine {
-  Eigen::Vector2d origin = Eigen::Vector2d::Zero();     ///< [px]
-  Eigen::Vector2d direction = Eigen::Vector2d::UnitX(); ///< unit, along u
-  double time = 0;                                      ///< middle of the span [s]
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero();      ///< [px]
+  Eigen::Vector2d direction = Eigen::Vector2d::UnitX();  ///< unit, along u
+  double time = 0;                                       ///< middle of the span [s]
   Eigen::Matrix<double, 5, 1> c = Eigen::Matrix<double, 5, 1>::Zero();
   double u_min = 0, u_max = 0;  ///< extent along u of the inliers (2nd to 98th percentile)
   double rms_px = 0;            ///< of the inliers
@@ -37,8 +38,9 @@ struct MovingLine {
   [[nodiscard]] double length_px() const { return u_max - u_min; }
 };
 
-/// Least squares with the events beyond `gate_px` (or 2.5 sigma, if larger than half of the gate) left out, three
-/// rounds. `normal`: a first guess of the line's normal, to some 30 degrees. nullopt for fewer than 8 inliers.
+/// Least squares with the events beyond `gate_px` (or 2.5 sigma, if larger than half of the gate) left out,
+/// three rounds. `normal`: a first guess of the line's normal, to some 30 degrees. nullopt for fewer than 8
+/// inliers.
 std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, const Eigen::Vector2d& normal,
                                           double gate_px);
 

@@ -5,8 +5,9 @@
 
 namespace idol {
 
-std::vector<LocalPlane> estimate_normals(std::span<const SpacetimePoint> points, const SpacetimeGrid& grid, float radius,
-                                         int min_neighbours, float min_planarity, bool same_polarity) {
+std::vector<LocalPlane> estimate_normals(std::span<const SpacetimePoint> points, const SpacetimeGrid& grid,
+                                         float radius, int min_neighbours, float min_planarity,
+                                         bool same_polarity) {
   std::vector<LocalPlane> planes(points.size());
   const int reach = static_cast<int>(std::ceil(radius));
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> solver;

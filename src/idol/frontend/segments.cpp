@@ -1,9 +1,17 @@
 #include "idol/frontend/segments.hpp"
 
+#include <algorithm>
+
 #include "idol/frontend/cluster_segmenter.hpp"
 #include "idol/frontend/track_segmenter.hpp"
 
 namespace idol {
+
+void SegmenterCounts::add(const EventWindow& window, std::span<const LineId> ids) {
+  const auto fresh = ids.subspan(window.overlap);
+  events += std::ssize(fresh);
+  in_segments += std::count_if(fresh.begin(), fresh.end(), [](LineId id) { return id != kNoLine; });
+}
 
 std::unique_ptr<Segmenter> make_segmenter(const SegmentOptions& options, const UndistortMap& undistort) {
   if (options.method == SegmentMethod::kTrack) return std::make_unique<TrackSegmenter>(options, undistort);

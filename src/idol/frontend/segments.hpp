@@ -91,11 +91,26 @@ struct SegmentedWindow {
   double speed_px_s = 0;  ///< median image speed along the normals
 };
 
+/// What became of the events so far.
+struct SegmenterCounts {
+  std::int64_t events = 0, in_segments = 0;
+  std::int64_t hot = 0;          ///< of pixels that fire without cause
+  std::int64_t unsupported = 0;  ///< of no line and without neighbours: noise
+  std::int64_t thinned = 0;      ///< not looked at for new lines, to keep up with the sensor
+
+  /// One more window, its repeated events left out.
+  void add(const EventWindow& window, std::span<const LineId> ids);
+};
+
 /// Turns windows into segments, one after the other.
 class Segmenter {
  public:
   virtual ~Segmenter() = default;
-  virtual SegmentedWindow process(const EventWindow& window) = 0;
+  /// `rates`: the camera's angular rates over the window, in time order, if known: lines then follow its
+  /// turns at once. Empty: unknown.
+  virtual SegmentedWindow process(const EventWindow& window, std::span<const CameraRate> rates) = 0;
+  SegmentedWindow process(const EventWindow& window) { return process(window, {}); }
+  [[nodiscard]] virtual SegmenterCounts counts() const = 0;
 };
 
 /// The segmenter of `options.method`. `undistort` must outlive it.

@@ -34,8 +34,9 @@ class SpacetimeGrid {
     for (std::uint32_t i = 0; i < points.size(); ++i) order_[next[cell(points[i].col, points[i].row)]++] = i;
   }
 
-  /// Calls visit(j) for every point j (i included) whose space-time distance to point i is at most `radius`, looking
-  /// at raw pixels at most `reach` away (distortion can make that differ from the distance by a fraction of a pixel).
+  /// Calls visit(j) for every point j (i included) whose space-time distance to point i is at most `radius`,
+  /// looking at raw pixels at most `reach` away (distortion can make that differ from the distance by a
+  /// fraction of a pixel).
   template <class Visit>
   void for_each_neighbour(std::uint32_t i, float radius, int reach, Visit&& visit) const {
     const SpacetimePoint& p = points_[i];
@@ -47,7 +48,8 @@ class SpacetimeGrid {
         const std::size_t c = cell(x, y);
         auto it = order_.begin() + first_[c];
         const auto end = order_.begin() + first_[c + 1];
-        if (end - it > 16) it = std::lower_bound(it, end, t0, [&](std::uint32_t j, float t) { return points_[j].x.z() < t; });
+        if (end - it > 16)
+          it = std::lower_bound(it, end, t0, [&](std::uint32_t j, float t) { return points_[j].x.z() < t; });
         for (; it != end; ++it) {
           const SpacetimePoint& q = points_[*it];
           if (q.x.z() > t1) break;

@@ -8,9 +8,17 @@ namespace {
 
 constexpr std::size_t kFitEvents = 120;  // of a segment, spread evenly: more do not sharpen a fit
 
+// Of the last rate at or before the time.
+Vec3 rate_at(std::span<const CameraRate> rates, Time t) {
+  const auto after = std::upper_bound(rates.begin(), rates.end(), t,
+                                      [](Time time, const CameraRate& rate) { return time < rate.t; });
+  return after == rates.begin() ? after->omega : std::prev(after)->omega;
+}
+
 }  // namespace
 
-void TrackSegmenter::label(const EventWindow& window, std::vector<LineId>& ids) {
+void TrackSegmenter::label(const EventWindow& window, std::span<const CameraRate> rates,
+                           std::vector<LineId>& ids) {
   const auto& events = window.events;
   ids.assign(events.size(), kNoLine);
   const std::size_t kept = std::min(window.overlap, previous_ids_.size());
@@ -18,14 +26,15 @@ void TrackSegmenter::label(const EventWindow& window, std::vector<LineId>& ids) 
             ids.begin() + static_cast<std::ptrdiff_t>(window.overlap - kept));
   for (std::size_t i = window.overlap; i < events.size();) {
     const std::size_t n = tracker_.batch_length(std::span(events).subspan(i), window.begin);
+    if (!rates.empty()) tracker_.turn(events[i].t, rate_at(rates, events[i + n / 2].t));
     tracker_.process({&events[i], n}, &ids[i]);
     i += n;
   }
 }
 
-SegmentedWindow TrackSegmenter::process(const EventWindow& window) {
+SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<const CameraRate> rates) {
   SegmentedWindow out;
-  label(window, out.ids);
+  label(window, rates, out.ids);
   sort_by_track(out);
   previous_ids_ = out.ids;
   out.c_s_per_px = tracker_.c_s_per_px();
@@ -41,6 +50,16 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window) {
     for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
     return true;
   });
+  counts_.add(window, out.ids);
+  tracker_.forget_before(window.begin);
+  return out;
+}
+
+SegmenterCounts TrackSegmenter::counts() const {
+  SegmenterCounts out = counts_;
+  out.hot = tracker_.hot();
+  out.unsupported = tracker_.unsupported();
+  out.thinned = tracker_.thinned();
   return out;
 }
 
@@ -82,7 +101,7 @@ void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
 }
 
 std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
-                                               std::span<const std::uint32_t> events, LineId id) {
+                                                    std::span<const std::uint32_t> events, LineId id) {
   points_.clear();
   const std::size_t n = std::min(events.size(), kFitEvents);
   for (std::size_t k = 0; k < n; ++k) {

@@ -13,10 +13,12 @@ class TrackSegmenter : public Segmenter {
  public:
   TrackSegmenter(const SegmentOptions& options, const UndistortMap& undistort)
       : options_(options), undistort_(&undistort), tracker_(options.track, undistort) {}
-  SegmentedWindow process(const EventWindow& window) override;
+  using Segmenter::process;
+  SegmentedWindow process(const EventWindow& window, std::span<const CameraRate> rates) override;
+  [[nodiscard]] SegmenterCounts counts() const override;
 
  private:
-  void label(const EventWindow& window, std::vector<LineId>& ids);
+  void label(const EventWindow& window, std::span<const CameraRate> rates, std::vector<LineId>& ids);
   void sort_by_track(SegmentedWindow& out) const;
   [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id);
@@ -26,6 +28,7 @@ class TrackSegmenter : public Segmenter {
   LineTracker tracker_;
   std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
   std::vector<TimedPixel> points_;    // scratch
+  SegmenterCounts counts_;
 };
 
 }  // namespace idol

@@ -16,7 +16,8 @@ void Windower::push_one(const Event& event) {
     started_ = true;
   }
   advance(event.t);
-  const bool full = current_.events.size() - current_.overlap >= static_cast<std::size_t>(options_.max_events);
+  const bool full =
+      current_.events.size() - current_.overlap >= static_cast<std::size_t>(options_.max_events);
   if (full && event.t > current_.events.back().t) close(event.t);
   current_.events.push_back(event);
 }
@@ -33,7 +34,8 @@ void Windower::close(Time end) {
   next.begin = end;
   const std::size_t fresh = current_.events.size() - current_.overlap;
   next.overlap = static_cast<std::size_t>(std::ceil(static_cast<double>(fresh) * options_.overlap));
-  next.events.assign(current_.events.end() - static_cast<std::ptrdiff_t>(next.overlap), current_.events.end());
+  next.events.assign(current_.events.end() - static_cast<std::ptrdiff_t>(next.overlap),
+                     current_.events.end());
   ready_.push_back(std::exchange(current_, std::move(next)));
 }
 

@@ -21,7 +21,8 @@ struct WindowOptions {
   static void fields(Self& self, Visitor&& visit) {
     visit("max_events", self.max_events, Range{100, 1e7}, "events per window, N in the paper (III-A)");
     visit("max_duration_s", self.max_duration_s, Range{0.005, 10},
-          "longest window [s]; the paper cuts by event count alone, which in slow motion leaves the IMU alone for long");
+          "longest window [s]; the paper cuts by event count alone, which in slow motion leaves the IMU "
+          "alone for long");
     visit("overlap", self.overlap, Range{0.02, 0.9},
           "share of a window's events put before the next one to link segments (paper V)");
   }
@@ -35,8 +36,8 @@ struct EventWindow {
   std::size_t overlap = 0;
 };
 
-/// Windows tile time without gaps from the first event on: each ends when it holds max_events (events with equal
-/// stamps stay together) or lasts max_duration_s, empty or not.
+/// Windows tile time without gaps from the first event on: each ends when it holds max_events (events with
+/// equal stamps stay together) or lasts max_duration_s, empty or not.
 class Windower {
  public:
   explicit Windower(const WindowOptions& options) : options_(options) {}

@@ -143,9 +143,9 @@ void Odometry::process(const EventWindow& window) {
   Stopwatch watch;
   const NavState& from = smoother_->latest();
   WindowMeasurement measurement;
+  const auto samples = imu_.slice(window.begin, window.end, options_.imu.margin_samples);
   measurement.imu =
-      std::make_shared<Preintegration>(imu_.slice(window.begin, window.end, options_.imu.margin_samples),
-                                       window.begin, window.end, from.bias, rig_.imu, options_.imu);
+      std::make_shared<Preintegration>(samples, window.begin, window.end, from.bias, rig_.imu, options_.imu);
   if (const int saturated = measurement.imu->quality().saturated; saturated > 0)
     diagnostics_.warn("imu_saturated",
                       fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: their "
@@ -153,10 +153,10 @@ void Odometry::process(const EventWindow& window) {
                                   static_cast<double>(window.begin) / kNsPerS),
                       saturated);
   double integrate_s = watch.lap();
-  const SegmentedWindow segments = segmenter_->process(window);
+  const SegmentedWindow segments = segmenter_->process(window, camera_rates(samples, from.bias));
   const double segment_s = watch.lap();
-  measurement.still = rest_.update(window, segments.segments.size(), imu_.slice(window.begin, window.end, 0), from.bias,
-                                   options_.backend.gravity);
+  measurement.still = rest_.update(window, segments.segments.size(), imu_.slice(window.begin, window.end, 0),
+                                   from.bias, options_.backend.gravity);
   measurement.lines = observe(window, segments, *measurement.imu);
   if (options_.backend.method == BackendMethod::kFixedLag)
     for (int k = 0, n = bin_count(window); k < n; ++k)
@@ -170,6 +170,15 @@ void Odometry::process(const EventWindow& window) {
   if (listener_)
     listener_(
         {smoother_->latest(), window, segments, *smoother_, stats, segment_s, integrate_s, watch.lap()});
+}
+
+std::vector<CameraRate> Odometry::camera_rates(std::span<const ImuSample> samples,
+                                               const ImuBias& bias) const {
+  std::vector<CameraRate> out;
+  out.reserve(samples.size());
+  const Mat3 R_c_i = rig_.T_i_c.q.conjugate().toRotationMatrix();
+  for (const ImuSample& s : samples) out.push_back({s.t, R_c_i * (s.gyro - bias.gyro)});
+  return out;
 }
 
 // The longest tracks first, then the longest segments; of each, events spread evenly over its time.
@@ -249,6 +258,7 @@ std::vector<LineBin> Odometry::compress_events(const EventWindow& window,
       const Event& e = window.events[events[next]];
       const Vec2 px = undistort_(e.x, e.y).cast<double>();
       const double t = seconds_between(window.begin, e.t), u = line.along({px.x(), px.y(), t});
+      if (std::abs(line.distance({px.x(), px.y(), t})) > options_.backend.bin_gate_px) continue;
       points.push_back(px + line.point(u, middle) - line.point(u, t));
     }
     if (std::ssize(points) < options_.backend.min_bin_events) continue;

@@ -70,6 +70,7 @@ class Odometry {
   /// Newest estimate carried to `t` (IMU clock) by the samples present; nullopt before the start or outside
   /// the data.
   [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
+  [[nodiscard]] SegmenterCounts event_counts() const { return segmenter_->counts(); }
   /// All oddities met so far.
   [[nodiscard]] Diagnostics diagnostics() const;
 
@@ -78,6 +79,8 @@ class Odometry {
   void drop_waiting();
   bool start(const EventWindow& window, bool last);
   void process(const EventWindow& window);
+  [[nodiscard]] std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples,
+                                                     const ImuBias& bias) const;
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
                                                      const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;

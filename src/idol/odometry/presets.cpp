@@ -18,6 +18,7 @@ Options paper() {
   options.imu.method = PreintegrationMethod::kGpm;
   options.backend.method = BackendMethod::kBatch;
   options.backend.min_windows = 4;
+  options.backend.max_lines_per_window = 40;
   options.backend.max_iterations = 8;
   options.backend.lag_windows = 30;
   return options;

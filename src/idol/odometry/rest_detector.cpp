@@ -5,12 +5,12 @@
 namespace idol {
 namespace {
 
-constexpr double kMoreThanRest = 1.35;    // event rate that ends a rest, by its own rate
+constexpr double kMoreThanRest = 1.35;     // event rate that ends a rest, by its own rate
 constexpr std::size_t kStraySegments = 2;  // that noise may form
-constexpr double kQuietBeforeRest = 0.3;  // [s]
-constexpr double kQuietRate = 0.03;       // [rad/s], mean angular rate of a window
-constexpr double kQuietForce = 0.15;      // [m/s^2], mean specific force beside gravity's
-constexpr double kDarkRate = 500;         // [1/s]: so few events are noise, where no rest has been seen yet
+constexpr double kQuietBeforeRest = 0.3;   // [s]
+constexpr double kQuietRate = 0.03;        // [rad/s], mean angular rate of a window
+constexpr double kQuietForce = 0.15;       // [m/s^2], mean specific force beside gravity's
+constexpr double kDarkRate = 500;          // [1/s]: so few events are noise, where no rest has been seen yet
 
 bool quiet(std::span<const ImuSample> imu, const ImuBias& bias, double gravity) {
   if (imu.empty()) return false;
@@ -19,7 +19,8 @@ bool quiet(std::span<const ImuSample> imu, const ImuBias& bias, double gravity) 
     rate += s.gyro / static_cast<double>(imu.size());
     force += s.accel / static_cast<double>(imu.size());
   }
-  return (rate - bias.gyro).norm() < kQuietRate && std::abs((force - bias.accel).norm() - gravity) < kQuietForce;
+  return (rate - bias.gyro).norm() < kQuietRate &&
+         std::abs((force - bias.accel).norm() - gravity) < kQuietForce;
 }
 
 }  // namespace
