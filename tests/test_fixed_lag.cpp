@@ -63,6 +63,8 @@ Sight some_sight() {
   s.motion.dR = so3_exp(Vec3(0.02, -0.03, 0.01));
   s.motion.dv = Vec3(0.1, 0.2, 0.3);
   s.motion.dp = Vec3(0.001, 0.003, 0.004);
+  s.motion.rate = Vec3(0.5, -0.8, 0.3);
+  s.motion.accel = Vec3(1, -2, 9);
   s.motion.d_R_d_bg = -0.03 * Mat3::Identity();
   s.motion.d_v_d_bg = 0.001 * hat(Vec3(1, 2, 3));
   s.motion.d_v_d_ba = -0.03 * Mat3::Identity();
@@ -92,9 +94,10 @@ TEST(AnchoredLine, JacobiansMatchDifferences) {
         moved.v_w += d.segment<3>(6);
         moved.bias.gyro += d.segment<3>(9);
         moved.bias.accel += d.segment<3>(12);
+        moved.time_shift += d[15];
         return evaluate(s, moved, s.line).value;
       },
-      15);
+      kStateDim);
   expect_jacobian(r.d_state, by_state, 1e-4);
   const auto by_line = numeric_jacobian(
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {

@@ -110,6 +110,17 @@ TEST_P(PipelineOf, SameBitsTwiceAndForAnyPacketSize) {
   }
 }
 
+TEST(Pipeline, AWrongTimeOffsetIsFound) {
+  constexpr double kWrong = 0.003;  // [s]
+  Rig rig = davis_rig();
+  const auto data = record(rig, 5);
+  const auto right = estimate(rig, data, 5000, "realtime");
+  rig.time_offset_s += kWrong;
+  const auto states = estimate(rig, data, 5000, "realtime");
+  EXPECT_NEAR(states.back().time_shift, right.back().time_shift - kWrong, 5e-4);
+  EXPECT_LT(judge(states, data.truth).position_m, 1.2 * judge(right, data.truth).position_m + 5e-4);
+}
+
 TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {
   const Rig rig = davis_rig();
   const auto data = record(rig, 4);

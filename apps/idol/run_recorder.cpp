@@ -159,6 +159,7 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
                         {"hot_pixels", counts.hot},
                         {"unsupported", counts.unsupported},
                         {"thinned", counts.thinned}};
+  if (odometry.started()) stats["time_shift_s"] = odometry.smoother().latest().time_shift;
   stats["windows"] = rows_.size();
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
   stats["residuals"] = peak_residuals;

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "idol/backend/chain_system.hpp"
 #include "idol/backend/residuals.hpp"
 
 namespace idol {
@@ -40,10 +41,11 @@ struct AnchoredLine {
   [[nodiscard]] HomogeneousPoint end(const Vec2& m, double offset, double inverse_depth) const;
 };
 
-/// Distances [px] of two points of the image from the line at one time, with Jacobians.
+/// Distances [px] of two points of the image from the line at one time (moved by the state's time shift), with
+/// Jacobians.
 struct BinResidual {
   Vec2 value = Vec2::Zero();
-  Eigen::Matrix<double, 2, 15> d_state;
+  Eigen::Matrix<double, 2, kStateDim> d_state;  ///< the last: to the time shift
   Eigen::Matrix<double, 2, 4> d_line;
   bool valid = false;
 };

@@ -47,6 +47,7 @@ struct BackendOptions {
   double gyro_bias_sigma = 0.003;
   double moving_gyro_bias_sigma = 0.03;
   double accel_bias_sigma = 0.2;
+  double time_shift_sigma = 0.003;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -111,6 +112,8 @@ struct BackendOptions {
           "gyro bias after a moving start [rad/s]");
     visit("accel_bias_sigma", self.accel_bias_sigma, Range{1e-6, 10},
           "accelerometer bias at the start [m/s^2]");
+    visit("time_shift_sigma", self.time_shift_sigma, Range{1e-9, 1},
+          "error of the rig's time offset at the start, estimated on line [s]; 1e-9: the offset is exact");
   }
 };
 

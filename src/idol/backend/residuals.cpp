@@ -46,6 +46,9 @@ PointInCamera to_camera(const HomogeneousPoint& point, const NavState& state, co
   PointInCamera out;
   out.x = R_c_i * (x_i - w * projection.T_i_c.p);
   out.d_x_d_point = R_c_w;
+  const Vec3 v_i = dR.transpose() * (R.transpose() * (state.v_w + dt * projection.gravity) + motion.dv +
+                                     motion.d_v_d_bg * dbg + motion.d_v_d_ba * dba);
+  out.d_x_d_time = R_c_i * (x_i.cross(motion.rate - dbg) - w * v_i);
   out.d_x_d_w = -R_c_w * origin - R_c_0 * dp - R_c_i * projection.T_i_c.p;
   out.d_x_d_state.block<3, 3>(0, 0) = -w * R_c_w;
   out.d_x_d_state.block<3, 3>(0, 3) = R_c_0 * hat(u);

@@ -46,6 +46,7 @@ struct PointInCamera {
   Eigen::Matrix<double, 3, 15> d_x_d_state = Eigen::Matrix<double, 3, 15>::Zero();
   Mat3 d_x_d_point = Mat3::Zero();  ///< to HomogeneousPoint::x
   Vec3 d_x_d_w = Vec3::Zero();
+  Vec3 d_x_d_time = Vec3::Zero();  ///< to the event's time: the camera moves on [m/s]
 };
 
 /// x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from paper eq. 4. `linearised_at`: biases of the
