@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <thread>
 #include <utility>
 
 #include "idol/io/text_writer.hpp"
@@ -49,10 +50,32 @@ void RunRecorder::add(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
-  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end),
-                   e.window.events.size() - e.window.overlap, e.segments.segments.size(),
-                   e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s});
+  Row row{e.window.end, seconds_between(e.window.begin, e.window.end),
+          e.window.events.size() - e.window.overlap, e.segments.segments.size(),
+          e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s};
+  if (replay_ && !e.window.events.empty()) {
+    const Time last = e.window.events.back().t - from_seconds(rig_.time_offset_s);
+    row.latency_s = std::chrono::duration<double>(Clock::now() - replay_->begin).count() -
+                    seconds_between(replay_->first, last);
+  }
+  {
+    const std::lock_guard lock(rows_mutex_);
+    rows_.push_back(row);
+  }
   if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
+}
+
+void RunRecorder::wait_until_due(Time event) {
+  if (!replay_) replay_ = Replay{event, Clock::now()};
+  std::this_thread::sleep_until(replay_->begin + std::chrono::nanoseconds(event - replay_->first));
+}
+
+std::optional<RunRecorder::Latency> RunRecorder::latency() const {
+  if (!replay_ || rows_.empty()) return std::nullopt;
+  std::vector<double> sorted;
+  for (const Row& row : rows_) sorted.push_back(row.latency_s);
+  std::sort(sorted.begin(), sorted.end());
+  return Latency{sorted[sorted.size() / 2], sorted[sorted.size() * 99 / 100], sorted.back()};
 }
 
 // Events around the window's middle, and the lines where they were then.
@@ -160,6 +183,8 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
                         {"unsupported", counts.unsupported},
                         {"thinned", counts.thinned}};
   if (odometry.started()) stats["time_shift_s"] = odometry.smoother().latest().time_shift;
+  if (const auto live = latency())
+    stats["latency_s"] = {{"median", live->median}, {"p99", live->p99}, {"worst", live->worst}};
   stats["windows"] = rows_.size();
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
   stats["residuals"] = peak_residuals;
