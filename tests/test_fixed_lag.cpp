@@ -79,7 +79,8 @@ Sight some_sight() {
 }
 
 BinResidual evaluate(const Sight& s, const NavState& state, const AnchoredLine& line) {
-  return bin_to_line(s.a, s.b, line, state, s.motion, s.linearised_at, s.projection);
+  return bin_to_line(
+      s.a, s.b, line, TimedCamera(state, later(s.motion, state.time_shift), s.linearised_at, s.projection), s.projection.camera);
 }
 
 TEST(AnchoredLine, JacobiansMatchDifferences) {
@@ -113,8 +114,8 @@ TEST(AnchoredLine, AgreesWithThePointsOfTheLine) {
   const Sight s = some_sight();
   const BinResidual r = evaluate(s, s.state, s.line);
   const LineEnds ends = s.line.ends();
-  const auto a = to_camera({ends.a}, s.state, s.motion, s.linearised_at, s.projection);
-  const auto b = to_camera({ends.b}, s.state, s.motion, s.linearised_at, s.projection);
+  const auto a = TimedCamera(s.state, s.motion, s.linearised_at, s.projection)({ends.a});
+  const auto b = TimedCamera(s.state, s.motion, s.linearised_at, s.projection)({ends.b});
   EXPECT_NEAR(r.value[0], event_to_line({s.a, s.motion}, a, b, s.projection.camera).value, 1e-9);
   EXPECT_NEAR(r.value[1], event_to_line({s.b, s.motion}, a, b, s.projection.camera).value, 1e-9);
 }

@@ -33,14 +33,11 @@ LineEnds AnchoredLine::ends() const {
   return {a.x / a.w, b.x / b.w};
 }
 
-BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const NavState& state,
-                        const Preintegrated& motion, const ImuBias& linearised_at,
-                        const Projection& projection) {
+BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const TimedCamera& at,
+                        const Camera& camera) {
   BinResidual r;
-  const Preintegrated moved = later(motion, state.time_shift);
-  const auto a = to_camera(line.end_a(), state, moved, linearised_at, projection);
-  const auto b = to_camera(line.end_b(), state, moved, linearised_at, projection);
-  const auto image = ImageLine::through(a.x, b.x, projection.camera);
+  const PointInCamera a = at(line.end_a()), b = at(line.end_b());
+  const auto image = ImageLine::through(a.x, b.x, camera);
   if (!image) return r;
   const Mat3 R_w_c = line.anchor.T_w_c.R();
   const Vec3 across = R_w_c.col(0) * line.anchor.normal.x() + R_w_c.col(1) * line.anchor.normal.y();

@@ -37,7 +37,9 @@ void FixedLag::add(WindowMeasurement window) {
   append(window);
   const Preintegration& imu = *window.imu;
   inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
-                       std::move(window.bin_motions)});
+                       std::move(window.bin_motions),
+                       {}});
+  move_cameras();
   for (auto& seen : window.lines) file(index, std::move(seen));
   const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {
     return entry.second.mapped && !entry.second.dead && entry.second.last_window == index &&
@@ -140,6 +142,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     }
     if (!(gain >= 0)) {  // back, and more carefully
       std::copy(states.begin(), states.end(), states_.begin() + static_cast<std::ptrdiff_t>(first_));
+      move_cameras();
       for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = lines[k];
       damping = std::max(1e-6, 30 * damping);
       if (damping > kMost) break;
@@ -165,6 +168,7 @@ SolveStats FixedLag::finish() {
   }
   first_ = 0;
   prior_ = gauge_;
+  move_cameras();
   SolveStats stats;
   constexpr int kRounds = 3, kIterations = 4;
   for (int round = 0; round < kRounds; ++round) {

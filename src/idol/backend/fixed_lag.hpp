@@ -54,7 +54,8 @@ class FixedLag : public Backend {
   struct Inertial {  // of one window
     Preintegrated motion;
     Mat9 weight;                      // inverse covariance
-    std::vector<Preintegrated> bins;  // to the bin times
+    std::vector<Preintegrated> bins;   // to the bin times
+    std::vector<TimedCamera> cameras;  // then, by the states as they are
   };
 
   void file(std::size_t window, LineObservation&& seen);
@@ -67,6 +68,7 @@ class FixedLag : public Backend {
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
   [[nodiscard]] double typical_depth() const;
 
+  void move_cameras();
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
   [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations);
   [[nodiscard]] bool keeps_past() const;

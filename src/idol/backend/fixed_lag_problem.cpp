@@ -58,9 +58,18 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 }
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
-  return bin_to_line(bin.a_px, bin.b_px, line, states_[window],
-                     inertial_[window].bins[static_cast<std::size_t>(bin.slot)], windows_[window].imu->bias(),
-                     projection_);
+  return bin_to_line(bin.a_px, bin.b_px, line, inertial_[window].cameras[static_cast<std::size_t>(bin.slot)],
+                     projection_.camera);
+}
+
+// After each change of the active states.
+void FixedLag::move_cameras() {
+  for (std::size_t w = first_; w < windows_.size(); ++w) {
+    inertial_[w].cameras.clear();
+    for (const Preintegrated& motion : inertial_[w].bins)
+      inertial_[w].cameras.emplace_back(states_[w], later(motion, states_[w].time_shift),
+                                        windows_[w].imu->bias(), projection_);
+  }
 }
 
 // IMU, bias walk and rest between the states at `slot` and `slot + 1`.
@@ -190,6 +199,7 @@ void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
 
 void FixedLag::apply(const ChainSystem::Step& step, const std::vector<LineId>& ids) {
   for (std::size_t i = 0; i < step.states.size(); ++i) move(states_[first_ + i], step.states[i]);
+  move_cameras();
   for (std::size_t k = 0; k < ids.size(); ++k)
     tracks_.at(ids[k]).line.move(step.lines.segment<4>(4 * static_cast<Eigen::Index>(k)));
 }
@@ -236,6 +246,7 @@ void FixedLag::drop_past() {
   for (; dropped_ < first_; ++dropped_) {
     windows_[dropped_].imu.reset();
     inertial_[dropped_].bins = {};
+    inertial_[dropped_].cameras = {};
   }
 }
 
