@@ -29,7 +29,8 @@ TEST(Background, AFailureIsHeardOnceAndWorkGoesOn) {
 
 TEST(Background, EndsWithJobsWaiting) {
   Background background(100);
-  for (int i = 0; i < 50; ++i) background.run([] { std::this_thread::sleep_for(std::chrono::milliseconds(1)); });
+  for (int i = 0; i < 50; ++i)
+    background.run([] { std::this_thread::sleep_for(std::chrono::milliseconds(1)); });
 }
 
 }  // namespace

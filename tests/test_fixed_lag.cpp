@@ -79,8 +79,9 @@ Sight some_sight() {
 }
 
 BinResidual evaluate(const Sight& s, const NavState& state, const AnchoredLine& line) {
-  return bin_to_line(
-      s.a, s.b, line, TimedCamera(state, later(s.motion, state.time_shift), s.linearised_at, s.projection), s.projection.camera);
+  return bin_to_line(s.a, s.b, line,
+                     TimedCamera(state, later(s.motion, state.time_shift), s.linearised_at, s.projection),
+                     s.projection.camera);
 }
 
 TEST(AnchoredLine, JacobiansMatchDifferences) {

@@ -103,7 +103,8 @@ void push(Run& run, const Packet& packet, ProgressBar& bar) {
     const auto piece = next_piece(packet.events, i);
     i += piece.size();
     if (run.arguments.live) run.recorder.wait_until_due(piece.back().t);
-    for (; sample != packet.imu.end() && sample->t <= piece.back().t + offset; ++sample) run.odometry.push(*sample);
+    for (; sample != packet.imu.end() && sample->t <= piece.back().t + offset; ++sample)
+      run.odometry.push(*sample);
     run.odometry.push(piece);
     run.monitor.add(piece);
     run.summary.events += std::ssize(piece);
@@ -174,8 +175,10 @@ Outcome estimate_and_write(Run& run) {
     fmt::print("{} windows, {} lines; results in {}, report: {}\n", run.recorder.windows(),
                run.odometry.smoother().line_count(), out.string(), (out / "report.html").string());
     if (const auto latency = run.recorder.latency())
-      fmt::print("latency from a window's last event to its pose: median {:.1f} ms, 99 % {:.1f} ms, worst {:.1f} ms\n",
-                 1e3 * latency->median, 1e3 * latency->p99, 1e3 * latency->worst);
+      fmt::print(
+          "latency from a window's last event to its pose: median {:.1f} ms, 99 % {:.1f} ms, worst {:.1f} "
+          "ms\n",
+          1e3 * latency->median, 1e3 * latency->p99, 1e3 * latency->worst);
     if (!figures.empty()) fmt::print("{}\n", figures);
   }
   return outcome;

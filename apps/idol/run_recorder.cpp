@@ -50,9 +50,15 @@ void RunRecorder::add(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
-  Row row{e.window.end, seconds_between(e.window.begin, e.window.end),
-          e.window.events.size() - e.window.overlap, e.segments.segments.size(),
-          e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s};
+  Row row{e.window.end,
+          seconds_between(e.window.begin, e.window.end),
+          e.window.events.size() - e.window.overlap,
+          e.segments.segments.size(),
+          e.segments.speed_px_s,
+          e.stats,
+          e.segment_s,
+          e.integrate_s,
+          e.solve_s};
   if (replay_ && !e.window.events.empty()) {
     const Time last = e.window.events.back().t - from_seconds(rig_.time_offset_s);
     row.latency_s = std::chrono::duration<double>(Clock::now() - replay_->begin).count() -
@@ -73,7 +79,11 @@ void RunRecorder::wait_until_due(Time event) {
 std::optional<RunRecorder::Latency> RunRecorder::latency() const {
   if (!replay_ || rows_.empty()) return std::nullopt;
   std::vector<double> sorted;
-  for (const Row& row : rows_) sorted.push_back(row.latency_s);
+  // Windows that ended while the start was still gathering IMU data waited for it, not for the estimator.
+  const double started = seconds_between(replay_->first, rows_.front().t) + rows_.front().latency_s;
+  for (const Row& row : rows_)
+    if (seconds_between(replay_->first, row.t) > started) sorted.push_back(row.latency_s);
+  if (sorted.empty()) return std::nullopt;
   std::sort(sorted.begin(), sorted.end());
   return Latency{sorted[sorted.size() / 2], sorted[sorted.size() * 99 / 100], sorted.back()};
 }

@@ -23,12 +23,13 @@ class RunRecorder {
   /// In any thread, one call at a time.
   void add(const Estimate& estimate);
 
-  /// Live replay: returns when as much time has passed since the first call as between its event and this one.
+  /// Live replay: returns when as much time has passed since the first call as between its event and this
+  /// one.
   void wait_until_due(Time event);
   struct Latency {
     double median = 0, p99 = 0, worst = 0;  ///< from a window's last event to its pose [s]
   };
-  /// Of a live replay with estimates.
+  /// Of a live replay, once the start is over.
   [[nodiscard]] std::optional<Latency> latency() const;
 
   struct Summary {

@@ -256,7 +256,8 @@ class AttractionCost : public ceres::SizedCostFunction<1, kPoseSize, kMotionSize
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const NavState state = from_parameters(parameters[0], parameters[1]);
     const TimedCamera camera(state, motion_, linearised_at_, projection_);
-    const auto a = camera({ConstVectorMap<3>(parameters[2])}), b = camera({ConstVectorMap<3>(parameters[2] + 3)});
+    const auto a = camera({ConstVectorMap<3>(parameters[2])}),
+               b = camera({ConstVectorMap<3>(parameters[2] + 3)});
     const LineResidual r = attraction(a, b, projection_.camera);
     residuals[0] = r.value / sigma_;
     if (jacobians == nullptr) return true;

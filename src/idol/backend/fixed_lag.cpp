@@ -36,7 +36,8 @@ void FixedLag::add(WindowMeasurement window) {
   const std::size_t index = windows_.size();
   append(window);
   const Preintegration& imu = *window.imu;
-  inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
+  inertial_.push_back({imu.at(imu.end()),
+                       imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
                        std::move(window.bin_motions),
                        {}});
   move_cameras();

@@ -53,7 +53,7 @@ class FixedLag : public Backend {
   };
   struct Inertial {  // of one window
     Preintegrated motion;
-    Mat9 weight;                      // inverse covariance
+    Mat9 weight;                       // inverse covariance
     std::vector<Preintegrated> bins;   // to the bin times
     std::vector<TimedCamera> cameras;  // then, by the states as they are
   };

@@ -25,7 +25,8 @@ void chain(const RowVec3& d_a, const RowVec3& d_b, const PointInCamera& a, const
 
 }  // namespace
 
-// With dR = dR0 Exp(J dbg): x_i = dR^T (R^T (x_w - w (p + v dt + g dt^2 / 2)) - w dp), x_c = R_c_i (x_i - w p_i_c).
+// With dR = dR0 Exp(J dbg): x_i = dR^T (R^T (x_w - w (p + v dt + g dt^2 / 2)) - w dp), x_c = R_c_i (x_i - w
+// p_i_c).
 TimedCamera::TimedCamera(const NavState& state, const Preintegrated& motion, const ImuBias& linearised_at,
                          const Projection& projection)
     : dt_(motion.dt), R_c_i_(projection.T_i_c.q.conjugate().toRotationMatrix()), lever_(projection.T_i_c.p) {

@@ -49,8 +49,8 @@ struct PointInCamera {
   Vec3 d_x_d_time = Vec3::Zero();  ///< to the event's time: the camera moves on [m/s]
 };
 
-/// The camera at one time, from the state at the window's begin: x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from
-/// paper eq. 4. What does not depend on the point is computed once.
+/// The camera at one time, from the state at the window's begin: x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t)
+/// from paper eq. 4. What does not depend on the point is computed once.
 class TimedCamera {
  public:
   /// `linearised_at`: biases of the preintegration.

@@ -25,7 +25,7 @@ class Stopwatch {
 };
 
 constexpr std::size_t kMostWaiting = 4;  // windows between the front-end and the back-end
-constexpr double kImuTail = 0.05;  // [s]: events after the last IMU sample that nobody will miss
+constexpr double kImuTail = 0.05;        // [s]: events after the last IMU sample that nobody will miss
 constexpr double kShortestWindow =
     0.005;  // [s]: what is left at the end of the data and shorter is not estimated
 
@@ -51,7 +51,7 @@ Odometry::Odometry(const Rig& rig, const Options& options)
       windower_(options.window),
       segmenter_(make_segmenter(options.segment, undistort_)),
       smoother_(make_backend(rig, options.backend)) {
-  if (options.threads > 1) background_ = std::make_unique<Background>(kMostWaiting);
+  if (options.pipeline.threads > 1) background_ = std::make_unique<Background>(kMostWaiting);
 }
 
 void Odometry::push(const ImuSample& sample) {
@@ -174,11 +174,12 @@ void Odometry::estimate(const Segmented& segmented) {
   measurement.imu = std::make_shared<Preintegration>(segmented.samples, window.begin, window.end, from.bias,
                                                      rig_.imu, options_.imu);
   if (const int saturated = measurement.imu->quality().saturated; saturated > 0)
-    backend_diagnostics_.warn("imu_saturated",
-                              fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: "
-                                          "their noise is inflated, accuracy suffers there",
-                                          static_cast<double>(window.begin) / kNsPerS),
-                              saturated);
+    backend_diagnostics_.warn(
+        "imu_saturated",
+        fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: "
+                    "their noise is inflated, accuracy suffers there",
+                    static_cast<double>(window.begin) / kNsPerS),
+        saturated);
   std::vector<ImuSample> inside;
   std::copy_if(segmented.samples.begin(), segmented.samples.end(), std::back_inserter(inside),
                [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });

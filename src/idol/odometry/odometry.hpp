@@ -26,13 +26,23 @@
 
 namespace idol {
 
+struct PipelineOptions {
+  int threads = 2;
+
+  template <class Self, class Visitor>
+  static void fields(Self& self, Visitor&& visit) {
+    visit("threads", self.threads, Range{1, 2},
+          "2: the back-end works in a thread of its own while the front-end goes on; results are the same");
+  }
+};
+
 struct Options {
   WindowOptions window;
   SegmentOptions segment;
   PreintegrationOptions imu;
   ImuInitOptions start;
   BackendOptions backend;
-  int threads = 2;
+  PipelineOptions pipeline;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -41,8 +51,7 @@ struct Options {
     visit("imu", self.imu, Range{}, "");
     visit("start", self.start, Range{}, "");
     visit("backend", self.backend, Range{}, "");
-    visit("threads", self.threads, Range{1, 2},
-          "2: the back-end works in a thread of its own while the front-end goes on; results are the same");
+    visit("pipeline", self.pipeline, Range{}, "");
   }
 };
 
@@ -60,10 +69,11 @@ class Odometry {
  public:
   Odometry(const Rig& rig, const Options& options);
 
-  /// Called after each window: with one thread in that which pushes, with two in the back-end's, one call at a time.
+  /// Called after each window: with one thread in that which pushes, with two in the back-end's, one call at
+  /// a time.
   void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
-  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when the
-  /// back-end is some windows behind.
+  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when
+  /// the back-end is some windows behind.
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
   /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
@@ -77,8 +87,9 @@ class Odometry {
   [[nodiscard]] const Backend& smoother() const { return *smoother_; }
   /// True once a window has been estimated.
   [[nodiscard]] bool started() const { return newest().has_value(); }
-  /// Newest estimate carried on to `t` (IMU clock) by the samples present, at any rate and in the thread that pushes;
-  /// nullopt before the start, before the newest estimate (smoother().state_at() has what was) or beyond the data.
+  /// Newest estimate carried on to `t` (IMU clock) by the samples present, at any rate and in the thread that
+  /// pushes; nullopt before the start, before the newest estimate (smoother().state_at() has what was) or
+  /// beyond the data.
   [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
   [[nodiscard]] SegmenterCounts event_counts() const { return segmenter_->counts(); }
   /// All oddities met so far. After wait() or finish() only.

@@ -16,6 +16,7 @@ Options paper() {
   options.window.max_duration_s = 0.1;
   options.segment.method = SegmentMethod::kPaper;
   options.imu.method = PreintegrationMethod::kGpm;
+  options.imu.margin_samples = 8;
   options.backend.method = BackendMethod::kBatch;
   options.backend.min_windows = 4;
   options.backend.max_lines_per_window = 40;
