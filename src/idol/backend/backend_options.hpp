@@ -30,8 +30,8 @@ struct BackendOptions {
   double bin_s = 0.01;
   int min_bin_events = 5;
   double bin_gate_px = 0.8;
-  double bin_sigma_px = 2.0;
-  double bin_cauchy_sigmas = 0.4;
+  double bin_sigma_px = 1.2;
+  double bin_cauchy_sigmas = 0.25;
   double create_depth_sigma = 0.08;
   double create_rms_px = 1.0;
   int few_lines = 8;

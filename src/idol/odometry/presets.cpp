@@ -13,6 +13,7 @@ constexpr std::array<std::string_view, 2> kNames{"realtime", "paper"};
 // Windows by number of events, Gaussian processes, every event a residual, two-point lines, batch.
 Options paper() {
   Options options;
+  options.window.max_events = 30000;
   options.window.max_duration_s = 0.1;
   options.segment.method = SegmentMethod::kPaper;
   options.imu.method = PreintegrationMethod::kGpm;
