@@ -177,6 +177,7 @@ TEST(ChainSystem, SolvesLikeADenseSystem) {
           (step.states[i] - expected.segment<kStateDim>(kStateDim * static_cast<Eigen::Index>(i))).norm(),
           1e-8);
     EXPECT_LT((step.lines - expected.tail(16)).norm(), 1e-8);
+    EXPECT_LT((step.last_covariance - damped.inverse().block<kStateDim, kStateDim>(64, 64)).norm(), 1e-8);
   }
 }
 

@@ -17,7 +17,8 @@ class RunRecorder {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `rate_hz` 0: one pose an estimate; else both trajectories are sampled at this rate.
+  /// `rate_hz` 0: one pose an estimate; else both trajectories are sampled at this rate. The causal one
+  /// begins when the estimator has settled, 1.5 s after the first window at the latest.
   RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz);
 
   /// In any thread, one call at a time.
@@ -62,8 +63,11 @@ class RunRecorder {
     std::size_t events = 0, segments = 0;
     double speed_px_s = 0;  // of the segments across themselves, median
     SolveStats stats;
+    StateVec sigma = StateVec::Zero();
     double segment_s = 0, integrate_s = 0, solve_s = 0;
     double latency_s = 0;  // live
+
+    [[nodiscard]] Time begin() const { return t - from_seconds(duration_s); }
   };
   struct Replay {
     Time first = 0;  // event
@@ -76,6 +80,8 @@ class RunRecorder {
     std::vector<PictureLine> lines;
   };
 
+  void publish(const Estimate& estimate);
+  [[nodiscard]] std::optional<double> first_good_pose_s() const;
   void take_snapshot(const Estimate& estimate);
   void write_trajectories(const Odometry& odometry) const;
   void write_windows() const;

@@ -24,7 +24,7 @@ struct BackendOptions {
   int max_lines_per_window = 60;
   int min_windows = 3;
   double first_depth_m = 2.0;
-  double depth_prior_log = 1.0;
+  double depth_prior_log = 3.0;
   double slant_prior_log = 0.5;
   double cull_px = 1.5;
   double bin_s = 0.01;
@@ -34,7 +34,7 @@ struct BackendOptions {
   double bin_cauchy_sigmas = 0.25;
   double create_depth_sigma = 0.08;
   double create_rms_px = 1.0;
-  int few_lines = 8;
+  int few_lines = 20;
   double redetect_px = 2.5;
   int max_resting_lines = 60;
   double last_pass_s = 60;
@@ -45,7 +45,7 @@ struct BackendOptions {
   double start_velocity_sigma = 0.02;
   double moving_velocity_sigma = 1.0;
   double gyro_bias_sigma = 0.003;
-  double moving_gyro_bias_sigma = 0.03;
+  double moving_gyro_bias_sigma = 0.02;
   double accel_bias_sigma = 0.2;
   double time_shift_sigma = 0.003;
 

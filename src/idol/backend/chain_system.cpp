@@ -72,12 +72,19 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     g = state_gradient[i + 1];
     g.noalias() -= to_next[i].transpose() * y[i];
   }
-  Step step{std::vector<StateVec>(n), Eigen::VectorXd::Zero(m)};
+  Step step{std::vector<StateVec>(n), Eigen::VectorXd::Zero(m), StateMat::Identity()};
   if (m > 0) {
     const Eigen::LLT<Eigen::MatrixXd> factor(C);  // reads the lower half
     if (factor.info() != Eigen::Success) return {};
     step.lines = factor.solve(-gl);
+    Eigen::MatrixXd W = Eigen::MatrixXd::Zero(m, kStateDim);
+    W.topRows(width[n - 1]) = to_lines[n - 1].transpose();
+    factor.matrixL().solveInPlace(W);
+    step.last_covariance += W.transpose() * W;
   }
+  // Block inverse: (L L')^-1 + what the lines' uncertainty adds.
+  const StateMat from_last = L[n - 1].triangularView<Eigen::Lower>().solve(StateMat::Identity());
+  step.last_covariance = (from_last.transpose() * step.last_covariance * from_last).eval();
   for (std::size_t i = n; i-- > 0;) {
     StateVec right = -y[i];
     if (width[i] > 0) right -= to_lines[i] * step.lines.head(width[i]);

@@ -17,8 +17,8 @@ using StateVec = Eigen::Matrix<double, kStateDim, 1>;
 struct ChainSystem {
   ChainSystem(std::size_t states, Eigen::Index line_columns);
 
-  std::vector<StateMat> diagonal;         ///< of T
-  std::vector<StateMat> next;             ///< T(i, i + 1)
+  std::vector<StateMat> diagonal;      ///< of T
+  std::vector<StateMat> next;          ///< T(i, i + 1)
   std::vector<Eigen::MatrixXd> lines;  ///< rows of B: 16 x line columns
   Eigen::MatrixXd line_block;          ///< C
   std::vector<StateVec> state_gradient;
@@ -28,6 +28,7 @@ struct ChainSystem {
   struct Step {
     std::vector<StateVec> states;
     Eigen::VectorXd lines;
+    StateMat last_covariance;  ///< of the last state, everything else marginalised
   };
   /// Minimises the quadratic model with the diagonal raised by the share `damping`. Empty lists if H is not
   /// positive.

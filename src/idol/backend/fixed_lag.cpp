@@ -15,6 +15,7 @@ void FixedLag::start(const NavState& first, bool still) {
   states_ = {first};
   set_prior(first, still);
   gauge_ = prior_;
+  settled_ = still;
 }
 
 void FixedLag::set_prior(const NavState& first, bool still) {
@@ -79,13 +80,17 @@ SolveStats FixedLag::solve() {
   forget();
   make_lines();
   const std::vector<LineId> ids = active_lines();
-  SolveStats stats = optimise(ids, reduced_prior(ids), options_.max_iterations);
+  // While everything is in the lag a bad start can still be undone, which takes longer.
+  const int iterations = first_ == 0 ? 2 * options_.max_iterations : options_.max_iterations;
+  SolveStats stats = optimise(ids, reduced_prior(ids), iterations);
   update_resting_lines(ids);
   cull();
   measure_extents();
   if (lost()) restart();
+  settled_ = settled_ || knows_velocity();
   const SolveStats newest = newest_stats();
   stats.restarts = restarts_;
+  stats.settled = settled_;
   stats.rms_px = newest.rms_px;
   stats.mean_track_s = newest.mean_track_s;
   return stats;
@@ -97,6 +102,12 @@ bool FixedLag::lost() const {
   const NavState& now = states_.back();
   return blind_s_ > kBlind || !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest) ||
          !(now.bias.accel.norm() < kBias);
+}
+
+// With it come tilt and scale.
+bool FixedLag::knows_velocity() const {
+  constexpr double kSigma = 0.05;  // [m/s]
+  return covariance_ && covariance_->block<3, 3>(6, 6).diagonal().cwiseSqrt().maxCoeff() < kSigma;
 }
 
 // Goes on from the last believable pose with a new map and an unknown velocity.
@@ -117,6 +128,8 @@ void FixedLag::restart() {
   tracks_.clear();
   alias_.clear();
   set_prior(now, false);
+  covariance_.reset();
+  settled_ = false;
   drop_past();
 }
 
@@ -136,6 +149,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     const auto step = system.solve(damping);
     double gain = -1;
     if (!step.states.empty()) {
+      covariance_ = step.last_covariance;
       apply(step, ids);
       ChainSystem moved = linearise(ids, prior);
       gain = system.cost - moved.cost;

@@ -24,6 +24,7 @@ class FixedLag : public Backend {
   SolveStats finish() override;
   [[nodiscard]] std::vector<Line> lines() const override;
   [[nodiscard]] std::size_t line_count() const override;
+  [[nodiscard]] std::optional<StateMat> covariance() const override { return covariance_; }
 
  private:
   struct Observation {
@@ -84,6 +85,7 @@ class FixedLag : public Backend {
   void marginalise_oldest();
   void drop_past();
   [[nodiscard]] bool lost() const;
+  [[nodiscard]] bool knows_velocity() const;
   void restart();
   void set_prior(const NavState& first, bool still);
   void forget();
@@ -103,6 +105,8 @@ class FixedLag : public Backend {
   std::size_t dropped_ = 0;  // windows of which only the states are left
   double blind_s_ = 0;       // how long no known line has been seen, in motion
   int restarts_ = 0;
+  std::optional<StateMat> covariance_;  // of the newest state
+  bool settled_ = false;
 };
 
 }  // namespace idol

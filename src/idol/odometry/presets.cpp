@@ -22,6 +22,8 @@ Options paper() {
   options.backend.min_windows = 4;
   options.backend.max_lines_per_window = 40;
   options.backend.max_iterations = 8;
+  options.backend.depth_prior_log = 1;
+  options.backend.moving_gyro_bias_sigma = 0.03;
   options.backend.lag_windows = 30;
   return options;
 }
