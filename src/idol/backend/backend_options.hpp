@@ -48,6 +48,7 @@ struct BackendOptions {
   double moving_gyro_bias_sigma = 0.02;
   double accel_bias_sigma = 0.2;
   double time_shift_sigma = 0.003;
+  double event_lag_sigma_px = 0.2;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -114,6 +115,8 @@ struct BackendOptions {
           "accelerometer bias at the start [m/s^2]");
     visit("time_shift_sigma", self.time_shift_sigma, Range{1e-9, 1},
           "error of the rig's time offset at the start, estimated on line [s]; 1e-9: the offset is exact");
+    visit("event_lag_sigma_px", self.event_lag_sigma_px, Range{1e-9, 10},
+          "how far events may trail their edges at any speed, estimated on line [px]; 1e-9: not at all");
   }
 };
 

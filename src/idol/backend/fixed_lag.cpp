@@ -25,7 +25,7 @@ void FixedLag::set_prior(const NavState& first, bool still) {
   sigma << Vec3::Constant(kGauge), kTilt, kTilt, kGauge,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
       Vec3::Constant(still ? options_.gyro_bias_sigma : options_.moving_gyro_bias_sigma),
-      Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma;
+      Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma, options_.event_lag_sigma_px;
   prior_.H = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
   const Mat3 R = first.T_w_i.R();

@@ -9,12 +9,14 @@ namespace idol {
 namespace {
 
 constexpr double kShiftWalk = 1e-5;  // of the camera's clock against the IMU's [s/sqrt(s)]
+constexpr double kLagWalk = 0.003;   // of the events' lag: light and contrasts change [px/sqrt(s)]
 
-// Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a, time shift].
+// Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a, time shift, event lag].
 StateVec difference(const NavState& from, const NavState& to) {
   StateVec d;
   d << to.T_w_i.p - from.T_w_i.p, quat_log(from.T_w_i.q.conjugate() * to.T_w_i.q), to.v_w - from.v_w,
-      to.bias.gyro - from.bias.gyro, to.bias.accel - from.bias.accel, to.time_shift - from.time_shift;
+      to.bias.gyro - from.bias.gyro, to.bias.accel - from.bias.accel, to.time_shift - from.time_shift,
+      to.event_lag_px - from.event_lag_px;
   return d;
 }
 
@@ -25,6 +27,7 @@ void move(NavState& state, const StateVec& step) {
   state.bias.gyro += step.segment<3>(9);
   state.bias.accel += step.segment<3>(12);
   state.time_shift += step[15];
+  state.event_lag_px += step[16];
 }
 
 Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
@@ -58,8 +61,8 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 }
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
-  return bin_to_line(bin.a_px, bin.b_px, line, inertial_[window].cameras[static_cast<std::size_t>(bin.slot)],
-                     projection_.camera);
+  return bin_to_line(bin, states_[window].event_lag_px, line,
+                     inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
 }
 
 // After each change of the active states.
@@ -87,19 +90,20 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
   system.state_gradient[slot].head<15>().noalias() += from_w * r.value;
   system.state_gradient[slot + 1].head<15>().noalias() += to_w * r.value;
 
-  // Biases and the time shift hardly change.
-  Eigen::Matrix<double, 7, 1> weight;
+  // Biases, time shift and lag hardly change.
+  Eigen::Matrix<double, 8, 1> weight;
   weight << Vec3::Constant(1 / (noise_.gyro_walk * noise_.gyro_walk * inertial.motion.dt)),
       Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * inertial.motion.dt)),
-      1 / (kShiftWalk * kShiftWalk * inertial.motion.dt);
-  Eigen::Matrix<double, 7, 1> walk;
-  walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift;
+      1 / (kShiftWalk * kShiftWalk * inertial.motion.dt), 1 / (kLagWalk * kLagWalk * inertial.motion.dt);
+  Eigen::Matrix<double, 8, 1> walk;
+  walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift,
+      to.event_lag_px - from.event_lag_px;
   system.cost += 0.5 * walk.dot(weight.cwiseProduct(walk));
-  system.diagonal[slot].bottomRightCorner<7, 7>().diagonal() += weight;
-  system.diagonal[slot + 1].bottomRightCorner<7, 7>().diagonal() += weight;
-  system.next[slot].bottomRightCorner<7, 7>().diagonal() -= weight;
-  system.state_gradient[slot].tail<7>() -= weight.cwiseProduct(walk);
-  system.state_gradient[slot + 1].tail<7>() += weight.cwiseProduct(walk);
+  system.diagonal[slot].bottomRightCorner<8, 8>().diagonal() += weight;
+  system.diagonal[slot + 1].bottomRightCorner<8, 8>().diagonal() += weight;
+  system.next[slot].bottomRightCorner<8, 8>().diagonal() -= weight;
+  system.state_gradient[slot].tail<8>() -= weight.cwiseProduct(walk);
+  system.state_gradient[slot + 1].tail<8>() += weight.cwiseProduct(walk);
 
   if (windows_[window].still) {
     const double rest = 1 / std::pow(options_.start_velocity_sigma, 2);
