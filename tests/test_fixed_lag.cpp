@@ -122,6 +122,24 @@ TEST(AnchoredLine, AgreesWithThePointsOfTheLine) {
   EXPECT_NEAR(r.value[1], event_to_line({s.b, s.motion}, a, b, s.projection.camera).value, 1e-9);
 }
 
+TEST(AnchoredLine, FollowsMovesOfTheWorld) {
+  const AnchoredLine line = some_sight().line;
+  const LineEnds ends = line.ends();
+  const Eigen::Matrix4d moves = line.world_moves();
+  constexpr double kStep = 1e-5;
+  for (int j = 0; j < 4; ++j) {
+    const auto move = [&](const Vec3& x) -> Vec3 {
+      return j < 3 ? Vec3(x + kStep * Vec3::Unit(j)) : quat_exp(kStep * Vec3::UnitZ()) * x;
+    };
+    AnchoredLine moved = line;
+    moved.coordinates += kStep * moves.col(j);
+    const LineEnds now = moved.ends();
+    const Vec3 a = move(ends.a), along = (move(ends.b) - a).normalized();
+    for (const Vec3& end : {now.a, now.b}) EXPECT_LT((end - a).cross(along).norm(), 1e-8) << "move " << j;
+    EXPECT_GT((now.a - ends.a).norm(), 1e-7);
+  }
+}
+
 TEST(AnchoredLine, NothingHappensAtInfinity) {
   Sight s = some_sight();
   s.line.coordinates << 0, 0, 0, 0;

@@ -36,6 +36,9 @@ struct AnchoredLine {
   [[nodiscard]] bool finite() const;
   /// The two ends in the world; only if finite().
   [[nodiscard]] LineEnds ends() const;
+  /// Columns: how the coordinates change when the world is shifted along its x, y, z [1/m] or turned about
+  /// its z axis [1/rad].
+  [[nodiscard]] Eigen::Matrix4d world_moves() const;
 
  private:
   [[nodiscard]] HomogeneousPoint end(const Vec2& m, double offset, double inverse_depth) const;

@@ -42,6 +42,7 @@ struct BackendOptions {
   int lag_windows = 20;
   int max_iterations = 4;
   double gravity = 9.81;
+  double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.02;
   double moving_velocity_sigma = 1.0;
   double gyro_bias_sigma = 0.003;
@@ -103,6 +104,9 @@ struct BackendOptions {
           "windows optimised at a time: after the batch, the oldest pose fixed (paper VI), or the fixed lag");
     visit("max_iterations", self.max_iterations, Range{1, 1000}, "of the solver per window");
     visit("gravity", self.gravity, Range{9, 10.5}, "[m/s^2]");
+    visit(
+        "start_pose_sigma", self.start_pose_sigma, Range{1e-9, 100},
+        "of the first position [m] and yaw [rad], which nothing can measure: they are what we say they are");
     visit("start_velocity_sigma", self.start_velocity_sigma, Range{1e-4, 10},
           "velocity while the start is still [m/s]");
     visit("moving_velocity_sigma", self.moving_velocity_sigma, Range{1e-4, 100},

@@ -20,6 +20,11 @@ StateVec difference(const NavState& from, const NavState& to) {
   return d;
 }
 
+// Of the rotation part of `difference` to a change of `to`.
+Mat3 to_turn(const NavState& from, const NavState& to) {
+  return right_jacobian_inverse(quat_log(from.T_w_i.q.conjugate() * to.T_w_i.q));
+}
+
 void move(NavState& state, const StateVec& step) {
   state.T_w_i.p += step.head<3>();
   state.T_w_i.q = (state.T_w_i.q * quat_exp(step.segment<3>(3))).normalized();
@@ -30,11 +35,54 @@ void move(NavState& state, const StateVec& step) {
   state.event_lag_px += step[16];
 }
 
+using WorldMoves = Eigen::Matrix<double, Eigen::Dynamic, 4>;
+
+// Columns: how a state changes when the world is shifted along its x, y, z or turned about its z axis.
+Eigen::Matrix<double, kStateDim, 4> world_moves(const NavState& state) {
+  Eigen::Matrix<double, kStateDim, 4> out = Eigen::Matrix<double, kStateDim, 4>::Zero();
+  out.topLeftCorner<3, 3>().setIdentity();
+  out.col(3).head<3>() = Vec3::UnitZ().cross(state.T_w_i.p);
+  out.col(3).segment<3>(3) = state.T_w_i.q.conjugate() * Vec3::UnitZ();
+  out.col(3).segment<3>(6) = Vec3::UnitZ().cross(state.v_w);
+  return out;
+}
+
 Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
   return 4 * (std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
 }
 
 }  // namespace
+
+// Shifting the whole world or turning it about the vertical changes no measurement. The prior was linearised
+// elsewhere, where other changes of the variables were such moves (N_0): taken as it is, it would hold down
+// the present ones (N), which nothing has measured. What it knows is where the lines are, seen from its
+// state; so the part of a change that is a move with the state counts as the same move there: d + (N_0 - N)
+// m(d), where m(d) are shift and turn of the state in d. These are the columns of that map for the state;
+// those of the lines are the identity. What the start says about position and yaw stays.
+FixedLag::StateColumns FixedLag::prior_view(const Prior& prior) const {
+  const Eigen::Index n = prior.g.size();
+  WorldMoves here(n, 4), there(n, 4);
+  const Mat3 turn = to_turn(prior.state, states_[first_]);
+  here.topRows<kStateDim>() = world_moves(states_[first_]);
+  here.block<3, 1>(3, 3) = turn * here.block<3, 1>(3, 3);
+  there.topRows<kStateDim>() = world_moves(prior.state);
+  for (std::size_t k = 0; k < prior.lines.size(); ++k) {
+    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k);
+    AnchoredLine line = tracks_.at(prior.lines[k].first).line;
+    here.middleRows<4>(row) = line.world_moves();
+    line.coordinates = prior.lines[k].second;
+    there.middleRows<4>(row) = line.world_moves();
+  }
+  // The move that takes the present state along.
+  Eigen::Matrix<double, 4, kStateDim> move = Eigen::Matrix<double, 4, kStateDim>::Zero();
+  move.topLeftCorner<3, 3>().setIdentity();
+  const RowVec3 yaw = here.block<3, 1>(3, 3).transpose() / here.block<3, 1>(3, 3).squaredNorm();
+  move.block<1, 3>(3, 3) = yaw;
+  move.block<3, 3>(0, 3) = -here.col(3).head<3>() * yaw;
+  StateColumns T = (there - here) * move;
+  T.topRows<kStateDim>() += StateMat::Identity();
+  return T;
+}
 
 void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const {
   const Eigen::Index n = prior.g.size();
@@ -43,16 +91,20 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
   for (std::size_t k = 0; k < prior.lines.size(); ++k)
     d.segment<4>(kStateDim + 4 * static_cast<Eigen::Index>(k)) =
         tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
-  const Eigen::VectorXd Hd = prior.H * d;
-  const Eigen::VectorXd g = prior.g + Hd;
-  system.cost += d.dot(prior.g) + 0.5 * d.dot(Hd);
+  StateColumns T = prior_view(prior);
+  Eigen::VectorXd seen = T * d.head<kStateDim>();
+  seen.tail(n - kStateDim) += d.tail(n - kStateDim);
+  T.middleCols<3>(3) = (T.middleCols<3>(3) * to_turn(prior.state, states_[first_])).eval();
+  const Eigen::VectorXd g = prior.g + prior.H * seen;
+  const StateColumns HT = prior.H * T;
+  system.cost += 0.5 * seen.dot(prior.g + g);
 
-  system.diagonal[0] += prior.H.topLeftCorner<kStateDim, kStateDim>();
-  system.state_gradient[0] += g.head<kStateDim>();
+  system.diagonal[0] += T.transpose() * HT;
+  system.state_gradient[0] += T.transpose() * g;
   for (std::size_t k = 0; k < prior.lines.size(); ++k) {
     const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k),
                        column = column_of(ids, prior.lines[k].first);
-    system.lines[0].middleCols<4>(column) += prior.H.block<kStateDim, 4>(0, row);
+    system.lines[0].middleCols<4>(column) += HT.middleRows<4>(row).transpose();
     system.line_gradient.segment<4>(column) += g.segment<4>(row);
     for (std::size_t j = 0; j < prior.lines.size(); ++j)
       system.line_block.block<4, 4>(column, column_of(ids, prior.lines[j].first)) +=
