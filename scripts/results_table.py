@@ -1,6 +1,7 @@
 """Makes the markdown table of scripts/results from the JSON of runs and evaluations. Standard library only."""
 import argparse
 import json
+import math
 import os
 import re
 import sys
@@ -90,10 +91,55 @@ def markdown(args):
              "where the first 50 poses span less than 5 cm. Protocols: [evaluation.md](evaluation.md).", "",
              "| " + " | ".join(title for title, _ in COLUMNS) + " |",
              "|" + "|".join("---" if side == "l" else "--:" for _, side in COLUMNS) + "|"]
-    with open(args.list, encoding="utf-8") as file:
-        for entry in file.read().splitlines():
-            for row in rows_of(*entry.split("\t"), args.to):
-                lines.append("| " + " | ".join(row) + " |")
+    for entry in args.list.read().splitlines():
+        for row in rows_of(*entry.split("\t"), args.to):
+            lines.append("| " + " | ".join(row) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def ablation(args):
+    """One row for each variant: causal RMSE of position and rotation by recording, and the geometric means."""
+    variants = []
+    for line in args.list.read().splitlines():
+        title, path = line.split("\t")
+        with open(path, encoding="utf-8") as file:
+            variants.append((title, [entry.split("\t") for entry in file.read().splitlines()]))
+    names = [entry[0] for entry in variants[0][1]]
+    lines = [f"Made by `{args.command}` on {processor()}. Causal trajectory, protocol `full`: RMSE in mm / deg.", "",
+             "| | " + " | ".join(names) + " | geometric mean |", "|---|" + "--:|" * (len(names) + 1)]
+    for title, entries in variants:
+        cells, logs = [], []
+        for _, run, _, _ in entries:
+            p = (load(os.path.join(run, "trajectory_camera_causal.json")) or {}).get("protocols")
+            cells.append(figure(p, "full", "translation_m", "rmse", scale=1000, digits=1) + " / " +
+                         figure(p, "full", "rotation_deg", "rmse"))
+            if p:
+                logs.append([math.log(1000 * p["full"]["translation_m"]["rmse"]), math.log(p["full"]["rotation_deg"]["rmse"])])
+        mean = [math.exp(sum(column) / len(logs)) for column in zip(*logs)] if logs else []
+        cells.append("{:.1f} / {:.2f}".format(*mean) if len(logs) == len(entries) else "–")
+        lines.append("| " + " | ".join([title] + cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def stress(args):
+    """One short row for each recording."""
+    titles = ["", "causal: RMSE mm", "deg", "MPE %", "smoothed: RMSE mm", "deg", "first good pose s", "restarts",
+              "real-time factor"]
+    lines = [f"Made by `{args.command}` on {processor()}. Protocol `full`.", "",
+             "| " + " | ".join(titles) + " |", "|---|" + "--:|" * (len(titles) - 1)]
+    for entry in args.list.read().splitlines():
+        title, run, _, failure = entry.split("\t")
+        cells = [title + (" (failed: " + failure.replace("|", "/") + ")" if failure else "")]
+        for file in ("trajectory_camera_causal", "trajectory_camera"):
+            p = (load(os.path.join(run, file + ".json")) or {}).get("protocols")
+            cells += [figure(p, "full", "translation_m", "rmse", scale=1000, digits=1),
+                      figure(p, "full", "rotation_deg", "rmse")]
+            if file.endswith("causal"):
+                cells.append(figure(p, "full", "mpe_percent"))
+        stats = load(os.path.join(run, "stats.json"))
+        cells += [figure(stats, "first_good_pose_s"), figure(stats, "restarts", digits=0),
+                  figure(stats, "realtime_factor")]
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -117,13 +163,17 @@ def replace_section(path, name, table):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("list", help="lines of: name, folder of the run, sequence, failure; parted by tabs")
-    parser.add_argument("--to", required=True)
+    parser.add_argument("list", type=argparse.FileType(encoding="utf-8"),
+                        help="lines of: name, folder of the run, sequence, failure; parted by tabs. With --ablation: of "
+                             "title and such a list")
+    parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--stress", action="store_true")
+    parser.add_argument("--to", default="end")
     parser.add_argument("--command", required=True)
     parser.add_argument("--section")
     parser.add_argument("--file")
     args = parser.parse_args()
-    table = markdown(args)
+    table = ablation(args) if args.ablation else stress(args) if args.stress else markdown(args)
     if args.section:
         replace_section(args.file, args.section, table)
     else:

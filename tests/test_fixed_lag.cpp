@@ -110,6 +110,16 @@ TEST(AnchoredLine, JacobiansMatchDifferences) {
       },
       4);
   expect_jacobian(r.d_line, by_line, 1e-4);
+  const auto by_calibration = numeric_jacobian(
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        Sight moved = s;
+        moved.projection.T_i_c.q = moved.projection.T_i_c.q * quat_exp(d.head<3>());
+        moved.projection.camera.fx *= std::exp(d[3]);
+        moved.projection.camera.fy *= std::exp(d[3]);
+        return evaluate(moved, s.state, s.line).value;
+      },
+      4);
+  expect_jacobian(r.d_calibration, by_calibration, 1e-4);
 }
 
 TEST(AnchoredLine, AgreesWithThePointsOfTheLine) {

@@ -53,6 +53,7 @@ void RunRecorder::publish(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
+  causal_mounting_.resize(causal_.size(), e.smoother.projection().T_i_c);
 }
 
 void RunRecorder::add(const Estimate& e) {
@@ -118,12 +119,13 @@ void RunRecorder::take_snapshot(const Estimate& e) {
   shot.window = rows_.size() - 1;
   shot.t = (e.window.begin + e.window.end) / 2;
   shot.events = picture_events(e.window, e.segments, undistort_, shot.t);
-  const Pose T_c_w = (e.smoother.state_at(shot.t).T_w_i * rig_.T_i_c).inverse();
+  const Projection& projection = e.smoother.projection();
+  const Pose T_c_w = (e.smoother.state_at(shot.t).T_w_i * projection.T_i_c).inverse();
   for (const Line& line : e.smoother.lines()) {
     if (line.last < e.window.end) continue;
     const Vec3 a = T_c_w * line.a, b = T_c_w * line.b;
     if (a.z() > 0.05 && b.z() > 0.05)
-      shot.lines.push_back({rig_.camera.project(a), rig_.camera.project(b), line.id});
+      shot.lines.push_back({projection.camera.project(a), projection.camera.project(b), line.id});
   }
   snapshots_.push_back(std::move(shot));
 }
@@ -144,10 +146,17 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
       smoothed.push_back(smoother.state_at(t));
   }
   write_trajectory(dir_ / "trajectory_imu.txt", poses(smoothed, Pose()));
-  write_trajectory(dir_ / "trajectory_camera.txt", poses(smoothed, rig_.T_i_c));
+  write_trajectory(dir_ / "trajectory_camera.txt", poses(smoothed, smoother.projection().T_i_c));
   write_trajectory(dir_ / "trajectory_imu_causal.txt", poses(causal_, Pose()));
-  write_trajectory(dir_ / "trajectory_camera_causal.txt", poses(causal_, rig_.T_i_c));
+  Trajectory camera = poses(causal_, Pose());
+  for (std::size_t k = 0; k < camera.size(); ++k) camera[k].T = camera[k].T * causal_mounting_[k];
+  write_trajectory(dir_ / "trajectory_camera_causal.txt", camera);
   write_states(dir_ / "states.csv", smoother.states());
+  Rig refined = rig_;
+  refined.T_i_c = smoother.projection().T_i_c;
+  refined.camera = smoother.projection().camera;
+  refined.time_offset_s += smoother.latest().time_shift;
+  write_text_file(dir_ / "rig_refined.yaml", rig_to_yaml(refined));
   const auto lines = smoother.lines();
   write_lines_csv(dir_ / "lines.csv", lines);
   write_lines_ply(dir_ / "lines.ply", lines);

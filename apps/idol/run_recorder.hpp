@@ -92,7 +92,8 @@ class RunRecorder {
   double rate_hz_;
   UndistortMap undistort_;
   std::vector<NavState> causal_;
-  mutable std::mutex rows_mutex_;  // the thread that reads asks how far it is
+  std::vector<Pose> causal_mounting_;  // of the camera, as known then
+  mutable std::mutex rows_mutex_;      // the thread that reads asks how far it is
   std::vector<Row> rows_;
   std::optional<Replay> replay_;
   std::vector<Snapshot> snapshots_;

@@ -19,7 +19,7 @@ struct SimulateArguments {
   double imu_rate_hz = 1000;
   double time_offset_s = 0;
   bool noiseless = false, plain_text = false;
-  std::vector<double> gyro_bias, accel_bias;
+  std::vector<double> gyro_bias, accel_bias, dark;
 };
 
 // The DAVIS240C of the RPG dataset (Mueggler et al. 2017).
@@ -44,6 +44,10 @@ Rig make_rig(const SimulateArguments& arguments) {
 
 SimulatorOptions make_options(const SimulateArguments& arguments) {
   SimulatorOptions options = arguments.options;
+  if (!arguments.dark.empty()) {
+    options.dark_from_s = arguments.dark[0];
+    options.dark_to_s = arguments.dark[1];
+  }
   if (!arguments.gyro_bias.empty()) options.bias.gyro = Vec3(arguments.gyro_bias.data());
   if (!arguments.accel_bias.empty()) options.bias.accel = Vec3(arguments.accel_bias.data());
   if (arguments.noiseless) {
@@ -154,6 +158,7 @@ void add_simulate(CLI::App& app, Action& action) {
   command->add_option("--background-hz", a->options.background_hz, "noise events per pixel")->capture_default_str();
   command->add_option("--hot-pixels", a->options.hot_pixels, "number of hot pixels")->capture_default_str();
   command->add_option("--drop-events", a->options.drop_share, "share of the events lost")->check(CLI::Range(0.0, 1.0));
+  command->add_option("--dark", a->dark, "FROM TO: no events between these times [s]")->expected(2);
   command->add_flag("--no-noise", a->noiseless, "ideal sensors (biases stay)");
   command->add_flag("--plain", a->plain_text, "events.txt instead of events.txt.zst");
   command->callback([&action, a] { action = [a] { return run_simulation(*a); }; });

@@ -77,6 +77,7 @@ BinResidual bin_to_line(const LineBin& bin, double event_lag_px, const AnchoredL
     r.value[k] = distance.value;
     r.d_state.row(k) << distance.d_a * a.d_x_d_state + distance.d_b * b.d_x_d_state,
         distance.d_a.dot(a.d_x_d_time) + distance.d_b.dot(b.d_x_d_time), image->normal().dot(heading);
+    r.d_calibration.row(k) << distance.d_a * hat(a.x) + distance.d_b * hat(b.x), distance.d_log_focal;
     // d point / d inverse depth = the anchor's position, d w / d inverse depth = 1.
     const RowVec3 to_a = distance.d_a * a.d_x_d_point, to_b = distance.d_b * b.d_x_d_point;
     r.d_line.row(k) << to_a.dot(across), to_a.dot(line.anchor.T_w_c.p) + distance.d_a.dot(a.d_x_d_w),

@@ -57,6 +57,9 @@ struct BinResidual {
   Vec2 value = Vec2::Zero();
   Eigen::Matrix<double, 2, kStateDim> d_state;  ///< the last two: to the time shift and to the lag
   Eigen::Matrix<double, 2, 4> d_line;
+  /// To a rotation of the camera in the IMU's frame on the right, T_i_c Exp(d) [1/rad], and to the log of the
+  /// focal length.
+  Eigen::Matrix<double, 2, 4> d_calibration;
   bool valid = false;
 };
 BinResidual bin_to_line(const LineBin& bin, double event_lag_px, const AnchoredLine& line,

@@ -41,6 +41,7 @@ struct BackendOptions {
   double batch_s = 24;
   int lag_windows = 20;
   int max_iterations = 4;
+  bool refine_calibration = false;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.02;
@@ -103,6 +104,9 @@ struct BackendOptions {
     visit("lag_windows", self.lag_windows, Range{2, 1e6},
           "windows optimised at a time: after the batch, the oldest pose fixed (paper VI), or the fixed lag");
     visit("max_iterations", self.max_iterations, Range{1, 1000}, "of the solver per window");
+    visit("refine_calibration", self.refine_calibration, Range{},
+          "estimate the camera's rotation in the IMU's frame (to some deg) and focal length (to some "
+          "percent) too");
     visit("gravity", self.gravity, Range{9, 10.5}, "[m/s^2]");
     visit(
         "start_pose_sigma", self.start_pose_sigma, Range{1e-9, 100},

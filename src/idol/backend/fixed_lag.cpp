@@ -7,7 +7,10 @@
 namespace idol {
 
 FixedLag::FixedLag(const Rig& rig, const BackendOptions& options)
-    : Backend(rig, options.gravity), options_(options) {}
+    : Backend(rig, options.gravity),
+      options_(options),
+      nominal_(projection_),
+      calibration_dim_(options.refine_calibration ? 4 : 0) {}
 
 // Position and yaw are the gauge: known. Tilt is loose, since at rest the IMU factors tie it to the
 // accelerometer's bias.
@@ -20,17 +23,21 @@ void FixedLag::start(const NavState& first, bool still) {
 
 void FixedLag::set_prior(const NavState& first, bool still) {
   constexpr double kTilt = 0.1;
-  prior_ = {first, {}, {}, {}};
+  constexpr double kMounting = 0.006, kFocal = 0.003;
+  prior_ = {first, Vec4::Zero(), {}, {}, {}};
   StateVec sigma;
   sigma << Vec3::Constant(options_.start_pose_sigma), kTilt, kTilt, options_.start_pose_sigma,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
       Vec3::Constant(still ? options_.gyro_bias_sigma : options_.moving_gyro_bias_sigma),
       Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma, options_.event_lag_sigma_px;
-  prior_.H = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
+  const Vec4 calibration_sigma(kMounting, kMounting, kMounting, kFocal);
+  Eigen::VectorXd all(kStateDim + calibration_dim_);
+  all << sigma, calibration_sigma.head(calibration_dim_);
+  prior_.H = all.cwiseAbs2().cwiseInverse().asDiagonal();
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
   const Mat3 R = first.T_w_i.R();
   prior_.H.block<3, 3>(3, 3) = (R.transpose() * prior_.H.block<3, 3>(3, 3) * R).eval();
-  prior_.g = Eigen::VectorXd::Zero(kStateDim);
+  prior_.g = Eigen::VectorXd::Zero(all.size());
 }
 
 void FixedLag::add(WindowMeasurement window) {
@@ -144,6 +151,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
   ChainSystem system = linearise(ids, prior);
   for (; stats.iterations < max_iterations; ++stats.iterations) {
     const std::vector<NavState> states(states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end());
+    const Vec4 calibration = calibration_;
     std::vector<Vec4> lines;
     for (LineId id : ids) lines.push_back(tracks_.at(id).line.coordinates);
     const auto step = system.solve(damping);
@@ -157,6 +165,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     }
     if (!(gain >= 0)) {  // back, and more carefully
       std::copy(states.begin(), states.end(), states_.begin() + static_cast<std::ptrdiff_t>(first_));
+      calibration_ = calibration;
       move_cameras();
       for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = lines[k];
       damping = std::max(1e-6, 30 * damping);

@@ -44,10 +44,11 @@ class FixedLag : public Backend {
     int windows = 0;
     std::int64_t events = 0;
   };
-  // What is known from marginalised windows: cost = g.d + d.H.d / 2, d the change of [state, lines] from
-  // here.
+  // What is known from marginalised windows: cost = g.d + d.H.d / 2, d the change of [state, calibration if
+  // refined, lines] from here.
   struct Prior {
     NavState state;
+    Vec4 calibration = Vec4::Zero();
     std::vector<std::pair<LineId, Vec4>> lines;
     Eigen::MatrixXd H;
     Eigen::VectorXd g;
@@ -73,6 +74,11 @@ class FixedLag : public Backend {
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
   [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations);
   [[nodiscard]] bool keeps_past() const;
+  [[nodiscard]] Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) const;
+  // Of the k-th line in a prior.
+  [[nodiscard]] Eigen::Index prior_row(std::size_t k) const {
+    return kStateDim + calibration_dim_ + 4 * static_cast<Eigen::Index>(k);
+  }
   [[nodiscard]] std::vector<LineId> active_lines() const;
   [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
   using StateColumns = Eigen::Matrix<double, Eigen::Dynamic, kStateDim>;
@@ -99,7 +105,11 @@ class FixedLag : public Backend {
   [[nodiscard]] Line line_of(LineId id, const Track& track) const;
 
   BackendOptions options_;
-  std::size_t first_ = 0;  // oldest active state
+  Projection nominal_;  // the rig as it was given
+  Vec4 calibration_ =
+      Vec4::Zero();  // rotation of the camera in the IMU's frame [rad], log of the focal length
+  Eigen::Index calibration_dim_ = 0;  // 4 if it is refined
+  std::size_t first_ = 0;             // oldest active state
   std::vector<Inertial> inertial_;
   std::map<LineId, Track> tracks_;
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line

@@ -47,11 +47,12 @@ Eigen::Matrix<double, kStateDim, 4> world_moves(const NavState& state) {
   return out;
 }
 
-Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
-  return 4 * (std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
-}
-
 }  // namespace
+
+// The calibration, if it is refined, comes before the lines.
+Eigen::Index FixedLag::column_of(const std::vector<LineId>& ids, LineId id) const {
+  return calibration_dim_ + 4 * (std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
+}
 
 // Shifting the whole world or turning it about the vertical changes no measurement. The prior was linearised
 // elsewhere, where other changes of the variables were such moves (N_0): taken as it is, it would hold down
@@ -61,13 +62,13 @@ Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
 // those of the lines are the identity. What the start says about position and yaw stays.
 FixedLag::StateColumns FixedLag::prior_view(const Prior& prior) const {
   const Eigen::Index n = prior.g.size();
-  WorldMoves here(n, 4), there(n, 4);
+  WorldMoves here = WorldMoves::Zero(n, 4), there = WorldMoves::Zero(n, 4);
   const Mat3 turn = to_turn(prior.state, states_[first_]);
   here.topRows<kStateDim>() = world_moves(states_[first_]);
   here.block<3, 1>(3, 3) = turn * here.block<3, 1>(3, 3);
   there.topRows<kStateDim>() = world_moves(prior.state);
   for (std::size_t k = 0; k < prior.lines.size(); ++k) {
-    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k);
+    const Eigen::Index row = prior_row(k);
     AnchoredLine line = tracks_.at(prior.lines[k].first).line;
     here.middleRows<4>(row) = line.world_moves();
     line.coordinates = prior.lines[k].second;
@@ -88,9 +89,9 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
   const Eigen::Index n = prior.g.size();
   Eigen::VectorXd d(n);
   d.head<kStateDim>() = difference(prior.state, states_[first_]);
+  d.segment(kStateDim, calibration_dim_) = (calibration_ - prior.calibration).head(calibration_dim_);
   for (std::size_t k = 0; k < prior.lines.size(); ++k)
-    d.segment<4>(kStateDim + 4 * static_cast<Eigen::Index>(k)) =
-        tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
+    d.segment<4>(prior_row(k)) = tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
   StateColumns T = prior_view(prior);
   Eigen::VectorXd seen = T * d.head<kStateDim>();
   seen.tail(n - kStateDim) += d.tail(n - kStateDim);
@@ -101,15 +102,15 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 
   system.diagonal[0] += T.transpose() * HT;
   system.state_gradient[0] += T.transpose() * g;
-  for (std::size_t k = 0; k < prior.lines.size(); ++k) {
-    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k),
-                       column = column_of(ids, prior.lines[k].first);
-    system.lines[0].middleCols<4>(column) += HT.middleRows<4>(row).transpose();
-    system.line_gradient.segment<4>(column) += g.segment<4>(row);
-    for (std::size_t j = 0; j < prior.lines.size(); ++j)
-      system.line_block.block<4, 4>(column, column_of(ids, prior.lines[j].first)) +=
-          prior.H.block<4, 4>(row, kStateDim + 4 * static_cast<Eigen::Index>(j));
-  }
+  // Where a variable of the prior stands in the system.
+  std::vector<Eigen::Index> columns;
+  for (Eigen::Index i = 0; i < calibration_dim_; ++i) columns.push_back(i);
+  for (const auto& [id, at] : prior.lines)
+    for (Eigen::Index i = 0; i < 4; ++i) columns.push_back(column_of(ids, id) + i);
+  const Eigen::Index rest = n - kStateDim;
+  system.lines[0](Eigen::all, columns) += HT.bottomRows(rest).transpose();
+  system.line_gradient(columns) += g.tail(rest);
+  system.line_block(columns, columns) += prior.H.bottomRightCorner(rest, rest);
 }
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
@@ -117,8 +118,11 @@ BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std
                      inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
 }
 
-// After each change of the active states.
+// After each change of the active states or of the calibration.
 void FixedLag::move_cameras() {
+  projection_.T_i_c.q = (nominal_.T_i_c.q * quat_exp(calibration_.head<3>())).normalized();
+  projection_.camera.fx = nominal_.camera.fx * std::exp(calibration_[3]);
+  projection_.camera.fy = nominal_.camera.fy * std::exp(calibration_[3]);
   for (std::size_t w = first_; w < windows_.size(); ++w) {
     inertial_[w].cameras.clear();
     for (const Preintegrated& motion : inertial_[w].bins)
@@ -187,11 +191,19 @@ void FixedLag::add_observation(ChainSystem& system, const Track& track, const Ob
     system.line_block.block<4, 4>(column, column).noalias() += line_w * r.d_line;
     system.state_gradient[slot].noalias() += state_w * r.value;
     system.line_gradient.segment<4>(column).noalias() += line_w * r.value;
+    if (calibration_dim_ == 0) continue;
+    const Eigen::Matrix<double, 4, 2> calibration_w = weight * r.d_calibration.transpose();
+    system.lines[slot].leftCols<4>().noalias() += state_w * r.d_calibration;
+    system.line_block.topLeftCorner<4, 4>().noalias() += calibration_w * r.d_calibration;
+    const Eigen::Matrix4d both = calibration_w * r.d_line;
+    system.line_block.block<4, 4>(0, column) += both;
+    system.line_block.block<4, 4>(column, 0) += both.transpose();
+    system.line_gradient.head<4>().noalias() += calibration_w * r.value;
   }
 }
 
 ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const Prior& prior) const {
-  ChainSystem system(states_.size() - first_, 4 * std::ssize(ids));
+  ChainSystem system(states_.size() - first_, calibration_dim_ + 4 * std::ssize(ids));
   add_prior(system, prior, ids);
   for (std::size_t w = first_; w < windows_.size(); ++w) add_window(system, w, w - first_);
   for (LineId id : ids) {
@@ -206,13 +218,13 @@ ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const Prior& pri
 FixedLag::Prior FixedLag::reduced_prior(const std::vector<LineId>& ids) const {
   Prior out;
   out.state = prior_.state;
+  out.calibration = prior_.calibration;
   std::vector<Eigen::Index> order, rest;
-  for (Eigen::Index i = 0; i < kStateDim; ++i) order.push_back(i);
+  for (Eigen::Index i = 0; i < kStateDim + calibration_dim_; ++i) order.push_back(i);
   for (std::size_t k = 0; k < prior_.lines.size(); ++k) {
     const bool keep = std::binary_search(ids.begin(), ids.end(), prior_.lines[k].first);
     if (keep) out.lines.push_back(prior_.lines[k]);
-    for (Eigen::Index i = 0; i < 4; ++i)
-      (keep ? order : rest).push_back(kStateDim + 4 * static_cast<Eigen::Index>(k) + i);
+    for (Eigen::Index i = 0; i < 4; ++i) (keep ? order : rest).push_back(prior_row(k) + i);
   }
   order.insert(order.end(), rest.begin(), rest.end());
   out.H = prior_.H(order, order);
@@ -226,16 +238,16 @@ void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
   std::vector<Eigen::Index> known, rest;
   std::vector<double> moved;
   const StateVec d_state = difference(prior_.state, states_[first_]);
-  for (Eigen::Index i = 0; i < kStateDim; ++i) {
+  for (Eigen::Index i = 0; i < kStateDim + calibration_dim_; ++i) {
     known.push_back(i);
-    moved.push_back(d_state[i]);
+    moved.push_back(i < kStateDim ? d_state[i] : (calibration_ - prior_.calibration)[i - kStateDim]);
   }
   std::vector<std::size_t> resting;
   for (std::size_t k = 0; k < prior_.lines.size(); ++k) {
     const bool active = std::binary_search(ids.begin(), ids.end(), prior_.lines[k].first);
     if (!active) resting.push_back(k);
     for (Eigen::Index i = 0; i < 4; ++i) {
-      (active ? known : rest).push_back(kStateDim + 4 * static_cast<Eigen::Index>(k) + i);
+      (active ? known : rest).push_back(prior_row(k) + i);
       if (active)
         moved.push_back((tracks_.at(prior_.lines[k].first).line.coordinates - prior_.lines[k].second)[i]);
     }
@@ -255,9 +267,9 @@ void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
 
 void FixedLag::apply(const ChainSystem::Step& step, const std::vector<LineId>& ids) {
   for (std::size_t i = 0; i < step.states.size(); ++i) move(states_[first_ + i], step.states[i]);
+  calibration_.head(calibration_dim_) += step.lines.head(calibration_dim_);
   move_cameras();
-  for (std::size_t k = 0; k < ids.size(); ++k)
-    tracks_.at(ids[k]).line.move(step.lines.segment<4>(4 * static_cast<Eigen::Index>(k)));
+  for (LineId id : ids) tracks_.at(id).line.move(step.lines.segment<4>(column_of(ids, id)));
 }
 
 // The oldest state and all that was seen from it become part of the prior.
@@ -272,7 +284,7 @@ void FixedLag::marginalise_oldest() {
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
 
-  ChainSystem system(2, 4 * std::ssize(ids));
+  ChainSystem system(2, calibration_dim_ + 4 * std::ssize(ids));
   add_prior(system, prior_, ids);
   add_window(system, first_, 0);
   for (LineId id : ids) {
@@ -284,6 +296,7 @@ void FixedLag::marginalise_oldest() {
   system.eliminate_first(prior_.H, prior_.g);
   ++first_;
   prior_.state = states_[first_];
+  prior_.calibration = calibration_;
   prior_.lines.clear();
   for (LineId id : ids) prior_.lines.emplace_back(id, tracks_.at(id).line.coordinates);
   for (auto& [id, track] : tracks_) {

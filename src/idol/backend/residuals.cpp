@@ -87,6 +87,7 @@ ImageLine::Distance ImageLine::distance(const Vec2& px) const {
   const RowVec3 d_n = (ray - out.value * d_h_).transpose() / h_;
   out.d_a = -d_n * hat(b_);
   out.d_b = d_n * hat(a_);
+  out.d_log_focal = n_.z() / h_;
   return out;
 }
 

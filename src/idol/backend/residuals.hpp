@@ -73,8 +73,9 @@ class ImageLine {
   static std::optional<ImageLine> through(const Vec3& a, const Vec3& b, const Camera& camera);
 
   struct Distance {
-    double value = 0;  ///< signed [px]
-    RowVec3 d_a, d_b;  ///< to the two points
+    double value = 0;        ///< signed [px]
+    RowVec3 d_a, d_b;        ///< to the two points
+    double d_log_focal = 0;  ///< to the log of both focal lengths
   };
   /// Of an undistorted pixel.
   [[nodiscard]] Distance distance(const Vec2& px) const;

@@ -139,6 +139,7 @@ class EventSensor {
   }
 
   void emit(std::size_t i, double t, bool polarity, double t0, double t1, std::vector<Event>& out) {
+    if (t >= options_.dark_from_s && t < options_.dark_to_s) return;
     if (options_.drop_share > 0 && std::uniform_real_distribution<double>(0, 1)(drop_) < options_.drop_share)
       return;
     // Jitter is kept inside the step: the stream stays in order without a look-ahead.
@@ -146,8 +147,8 @@ class EventSensor {
         std::clamp(t + options_.jitter_s * std::normal_distribution<double>(0, 1)(jitter_), t0, t1);
     const auto width = static_cast<std::size_t>(width_);
     const Time stamp = (from_seconds(moved) + 500) / 1000 * 1000;  // the sensor's clock ticks in microseconds
-    out.push_back({stamp, static_cast<std::uint16_t>(i % width),
-                   static_cast<std::uint16_t>(i / width), polarity});
+    out.push_back(
+        {stamp, static_cast<std::uint16_t>(i % width), static_cast<std::uint16_t>(i / width), polarity});
   }
 
   void add_noise(double t0, double t1, std::vector<Event>& out) {

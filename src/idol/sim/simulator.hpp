@@ -24,6 +24,8 @@ struct SimulatorOptions {
   int hot_pixels = 8;
   double hot_pixel_hz = 60;
   double drop_share = 0;      ///< of the events, lost at random
+  double dark_from_s = 0;     ///< no events from here
+  double dark_to_s = 0;       ///< to here
   double max_step_px = 0.35;  ///< image motion between two renderings
   double max_step_s = 2e-3;
   double imu_noise_scale = 1;  ///< on the rig's noise densities; 0 = ideal readings
