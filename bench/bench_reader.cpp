@@ -99,7 +99,7 @@ void each_line(benchmark::State& state, Parse parse) {
 }
 
 void rows_in_memory(benchmark::State& state) {
-  const idol::EventParser parser(240, 180);
+  const idol::EventParser parser;
   idol::Event event;
   each_line(state, [&](const char* p, const char* end) {
     benchmark::DoNotOptimize(parser.parse({p, static_cast<std::size_t>(end - p)}, event));

@@ -61,10 +61,8 @@ RowResult EventParser::explain(std::string_view line, Event& event) const {
   }
   if (polarity != 0 && polarity != 1 && polarity != -1)
     return {RowStatus::kBroken, fmt::format("polarity '{}' is none of 0, 1, -1", printable(columns[3]))};
-  if (!(x >= 0 && x < width_ && y >= 0 && y < height_)) {
-    return {RowStatus::kOutside,
-            fmt::format("pixel ({}, {}) lies outside the sensor of {} x {}", x, y, width_, height_)};
-  }
+  if (!(x >= 0 && x <= kLargestPixel && y >= 0 && y <= kLargestPixel))
+    return {RowStatus::kOutside, fmt::format("pixel ({}, {}) lies outside any sensor", x, y)};
   event = {*t, static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), polarity > 0};
   return {};
 }
@@ -77,10 +75,6 @@ RowResult ImuParser::explain(std::string_view line, ImuSample& sample) const {
     return result;
   const auto t = parse_stamp(columns[0]);
   if (!t) return bad_stamp(columns[0]);
-  // Whatever the unit is; such numbers only come from damage.
-  constexpr double kBeyondAnySensor = 1e5;
-  if (std::any_of(v.begin() + 1, v.end(), [](double value) { return std::abs(value) > kBeyondAnySensor; }))
-    return {RowStatus::kNotFinite, "a value is beyond any sensor's range"};
   sample = {*t, Vec3(v[1], v[2], v[3]), Vec3(v[4], v[5], v[6])};
   return {};
 }
