@@ -21,10 +21,10 @@ struct StreamChoice {
   std::string events, imu, truth;
 };
 
-/// A stream that is there but not read by an odometry, for `idol info`.
-struct OtherStream {
-  std::string name;         ///< topic, stream, data set, file
-  std::string what;         ///< frames, triggers, a message type
+/// One of the streams in a recording, for `idol info`.
+struct StreamInfo {
+  std::string name;         ///< topic, stream or data set
+  std::string what;         ///< events, frames, triggers, a message type
   std::int64_t count = -1;  ///< -1: not known without reading it all
 };
 
@@ -43,8 +43,8 @@ class Recording {
   virtual std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) = 0;
   /// Pose of the camera in the world, if the recording has it. Throws DataError if it is damaged.
   virtual std::optional<Trajectory> groundtruth() { return std::nullopt; }
-  /// Frames, triggers and whatever else is there.
-  virtual std::vector<OtherStream> others() { return {}; }
+  /// All streams that the file names, those included that no odometry reads (frames, triggers).
+  virtual std::vector<StreamInfo> streams() { return {}; }
   /// Size of the sensor as the recording states it [px]; zero where it does not.
   struct Resolution {
     int width = 0, height = 0;

@@ -44,7 +44,7 @@ class RowSource : public StreamPlace {
  public:
   /// The next rows, valid until the next call. Nothing: the stream is over or, if odd() says so, a row that
   /// cannot be used stands here and others may follow. Throws DataError on damage, after every row before it
-  /// was given out, and again at each further call.
+  /// was given out; it is not called again then.
   virtual std::span<const Row> read() = 0;
   /// The row that stands where read() came back with nothing; kGood: there is none, the stream is over.
   [[nodiscard]] virtual const RowResult& odd() const {

@@ -88,8 +88,8 @@ class RowStream {
       }
       if (!held_) rules_.check_share();
     } catch (const DataError&) {
-      if (!held_) throw;
       damage_ = std::current_exception();
+      if (!held_) throw;
     }
     if (!held_) return false;
     held_ = false;
