@@ -63,6 +63,8 @@ Sight some_sight() {
   s.motion.dR = so3_exp(Vec3(0.02, -0.03, 0.01));
   s.motion.dv = Vec3(0.1, 0.2, 0.3);
   s.motion.dp = Vec3(0.001, 0.003, 0.004);
+  s.motion.rate = Vec3(0.5, -0.8, 0.3);
+  s.motion.accel = Vec3(1, -2, 9);
   s.motion.d_R_d_bg = -0.03 * Mat3::Identity();
   s.motion.d_v_d_bg = 0.001 * hat(Vec3(1, 2, 3));
   s.motion.d_v_d_ba = -0.03 * Mat3::Identity();
@@ -77,7 +79,9 @@ Sight some_sight() {
 }
 
 BinResidual evaluate(const Sight& s, const NavState& state, const AnchoredLine& line) {
-  return bin_to_line(s.a, s.b, line, state, s.motion, s.linearised_at, s.projection);
+  return bin_to_line(s.a, s.b, line,
+                     TimedCamera(state, later(s.motion, state.time_shift), s.linearised_at, s.projection),
+                     s.projection.camera);
 }
 
 TEST(AnchoredLine, JacobiansMatchDifferences) {
@@ -92,9 +96,10 @@ TEST(AnchoredLine, JacobiansMatchDifferences) {
         moved.v_w += d.segment<3>(6);
         moved.bias.gyro += d.segment<3>(9);
         moved.bias.accel += d.segment<3>(12);
+        moved.time_shift += d[15];
         return evaluate(s, moved, s.line).value;
       },
-      15);
+      kStateDim);
   expect_jacobian(r.d_state, by_state, 1e-4);
   const auto by_line = numeric_jacobian(
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
@@ -110,8 +115,8 @@ TEST(AnchoredLine, AgreesWithThePointsOfTheLine) {
   const Sight s = some_sight();
   const BinResidual r = evaluate(s, s.state, s.line);
   const LineEnds ends = s.line.ends();
-  const auto a = to_camera({ends.a}, s.state, s.motion, s.linearised_at, s.projection);
-  const auto b = to_camera({ends.b}, s.state, s.motion, s.linearised_at, s.projection);
+  const auto a = TimedCamera(s.state, s.motion, s.linearised_at, s.projection)({ends.a});
+  const auto b = TimedCamera(s.state, s.motion, s.linearised_at, s.projection)({ends.b});
   EXPECT_NEAR(r.value[0], event_to_line({s.a, s.motion}, a, b, s.projection.camera).value, 1e-9);
   EXPECT_NEAR(r.value[1], event_to_line({s.b, s.motion}, a, b, s.projection.camera).value, 1e-9);
 }
@@ -172,6 +177,7 @@ TEST(ChainSystem, SolvesLikeADenseSystem) {
           (step.states[i] - expected.segment<kStateDim>(kStateDim * static_cast<Eigen::Index>(i))).norm(),
           1e-8);
     EXPECT_LT((step.lines - expected.tail(16)).norm(), 1e-8);
+    EXPECT_LT((step.last_covariance - damped.inverse().block<kStateDim, kStateDim>(64, 64)).norm(), 1e-8);
   }
 }
 

@@ -31,8 +31,11 @@ SimulatedRecording record(const Rig& rig, double duration_s, const SimulatorOpti
 
 // Both streams to the odometry in packets of `chunk` events, the IMU up to the packet's end first.
 std::vector<NavState> estimate(const Rig& rig, const SimulatedRecording& data, std::size_t chunk,
-                               std::string_view name, std::vector<NavState>* causal = nullptr) {
-  Odometry odometry(rig, preset(name));
+                               std::string_view name, std::vector<NavState>* causal = nullptr,
+                               int threads = 2) {
+  Options options = preset(name);
+  options.pipeline.threads = threads;
+  Odometry odometry(rig, options);
   odometry.on_estimate([&](const Estimate& e) {
     if (causal != nullptr) causal->push_back(e.state);
   });
@@ -92,13 +95,13 @@ TEST_P(PipelineOf, FindsTheTrajectoryOfASyntheticScene) {
   EXPECT_GT(reach, 0.1);
 }
 
-TEST_P(PipelineOf, SameBitsTwiceAndForAnyPacketSize) {
+TEST_P(PipelineOf, SameBitsTwiceForAnyPacketSizeAndNumberOfThreads) {
   const Rig rig = davis_rig();
   const auto data = record(rig, 2);
   const auto reference = estimate(rig, data, 1000, GetParam());
   ASSERT_GT(reference.size(), 10U);
   for (std::size_t chunk : {std::size_t{1000}, std::size_t{7}, data.events.size()}) {
-    const auto other = estimate(rig, data, chunk, GetParam());
+    const auto other = estimate(rig, data, chunk, GetParam(), nullptr, chunk == 7 ? 1 : 2);
     ASSERT_EQ(other.size(), reference.size()) << "packets of " << chunk;
     for (std::size_t k = 0; k < reference.size(); ++k) {
       ASSERT_EQ(other[k].t, reference[k].t);
@@ -108,6 +111,17 @@ TEST_P(PipelineOf, SameBitsTwiceAndForAnyPacketSize) {
       ASSERT_EQ(other[k].v_w, reference[k].v_w);
     }
   }
+}
+
+TEST(Pipeline, AWrongTimeOffsetIsFound) {
+  constexpr double kWrong = 0.003;  // [s]
+  Rig rig = davis_rig();
+  const auto data = record(rig, 5);
+  const auto right = estimate(rig, data, 5000, "realtime");
+  rig.time_offset_s += kWrong;
+  const auto states = estimate(rig, data, 5000, "realtime");
+  EXPECT_NEAR(states.back().time_shift, right.back().time_shift - kWrong, 5e-4);
+  EXPECT_LT(judge(states, data.truth).position_m, 1.2 * judge(right, data.truth).position_m + 5e-4);
 }
 
 TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {

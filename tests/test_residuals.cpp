@@ -52,8 +52,8 @@ using Row = std::function<LineResidual(const Scene&, const PointInCamera&, const
 
 void expect_line_jacobians(const Scene& scene, const Row& row, double tolerance) {
   const auto evaluate = [&](const NavState& state, const LineEnds& ends) {
-    const auto a = to_camera({ends.a}, state, scene.event.motion, scene.linearised_at, scene.projection);
-    const auto b = to_camera({ends.b}, state, scene.event.motion, scene.linearised_at, scene.projection);
+    const auto a = TimedCamera(state, scene.event.motion, scene.linearised_at, scene.projection)({ends.a});
+    const auto b = TimedCamera(state, scene.event.motion, scene.linearised_at, scene.projection)({ends.b});
     return row(scene, a, b);
   };
   const LineResidual r = evaluate(scene.state, scene.ends);
@@ -82,8 +82,8 @@ TEST(EventToLine, IsThePapersDistanceAndItsDerivative) {
           return event_to_line(x.event, a, b, x.projection.camera);
         },
         1e-5);
-    const auto a = to_camera({s.ends.a}, s.state, s.event.motion, s.linearised_at, s.projection);
-    const auto b = to_camera({s.ends.b}, s.state, s.event.motion, s.linearised_at, s.projection);
+    const auto a = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.a});
+    const auto b = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.b});
     const Vec2 pa = s.projection.camera.project(a.x), pb = s.projection.camera.project(b.x);
     const Vec2 e = s.event.px - pa, l = pb - pa;
     const double papers = std::abs(e.x() * l.y() - e.y() * l.x()) / l.norm();
@@ -97,9 +97,9 @@ TEST(EventToLine, SurvivesAnEndBehindTheCameraAndRefusesADegenerateLine) {
       predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity).T_w_i * s.projection.T_i_c;
   const Vec3 front = T_w_c * Vec3(0.1, 0.0, 2.0), direction = T_w_c.q * Vec3(0.3, 0.2, -1);
   const auto value = [&](double length) {
-    const auto a = to_camera({front}, s.state, s.event.motion, s.linearised_at, s.projection);
+    const auto a = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({front});
     const auto b =
-        to_camera({front + length * direction}, s.state, s.event.motion, s.linearised_at, s.projection);
+        TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({front + length * direction});
     return event_to_line(s.event, a, b, s.projection.camera);
   };
   EXPECT_NEAR(value(1).value, value(4).value, 1e-9);  // the same line, its end behind the camera
@@ -115,8 +115,8 @@ TEST(Repulsion, DerivativesOnBothSidesAndZeroInside) {
       expect_line_jacobians(random_scene(seed, px), row, 2e-5);
   }
   const Scene s = random_scene(3, Vec2(130, 100));
-  const auto a = to_camera({s.ends.a}, s.state, s.event.motion, s.linearised_at, s.projection);
-  const auto b = to_camera({s.ends.b}, s.state, s.event.motion, s.linearised_at, s.projection);
+  const auto a = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.a});
+  const auto b = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.b});
   EXPECT_EQ(row(s, a, b).value, 0);
 }
 
@@ -153,8 +153,8 @@ TEST(ImuResidual, IsZeroAtThePredictionAndDifferentiatesRight) {
 // Position, yaw of the world: nothing the estimator measures may depend on them.
 TEST(Residuals, AreBlindToTheFourUnobservableDirections) {
   const Scene s = random_scene(4, Vec2(120, 90));
-  const auto a = to_camera({s.ends.a}, s.state, s.event.motion, s.linearised_at, s.projection);
-  const auto b = to_camera({s.ends.b}, s.state, s.event.motion, s.linearised_at, s.projection);
+  const auto a = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.a});
+  const auto b = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.b});
   const LineResidual line = event_to_line(s.event, a, b, s.projection.camera);
   const NavState next = predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity);
   const ImuResidual imu = imu_residual(s.state, next, s.event.motion, s.linearised_at, s.projection.gravity);

@@ -28,6 +28,7 @@ double seconds_since(Clock::time_point begin) {
 struct RunArguments {
   std::filesystem::path sequence, out, rig, imu_rig;
   double rate_hz = 0;
+  bool live = false;
   OptionArguments options;
   SpanArguments span;
 };
@@ -85,18 +86,32 @@ struct Run {
   RunRecorder::Summary summary;
 };
 
-// In small pieces, which change no result, so that Ctrl-C is heard soon.
+// Of the events from `from` on: at most a thousand, of one millisecond.
+std::span<const Event> next_piece(const std::vector<Event>& events, std::size_t from) {
+  constexpr std::size_t kMost = 1000;
+  constexpr Time kLongest = kNsPerS / 1000;
+  std::size_t to = from + 1;
+  while (to < events.size() && to - from < kMost && events[to].t - events[from].t < kLongest) ++to;
+  return {events.data() + from, to - from};
+}
+
+// In small pieces, which change no result, so that Ctrl-C is heard soon; each in its own time if live.
 void push(Run& run, const Packet& packet, ProgressBar& bar) {
-  constexpr std::size_t kPiece = 1000;
-  for (const auto& sample : packet.imu) run.odometry.push(sample);
-  if (run.reader.imu_over()) run.odometry.end_imu();
-  for (std::size_t i = 0; i < packet.events.size() && !interrupted(); i += kPiece) {
-    const std::span piece(packet.events.data() + i, std::min(kPiece, packet.events.size() - i));
+  const Time offset = from_seconds(run.rig.time_offset_s);
+  auto sample = packet.imu.begin();
+  for (std::size_t i = 0; i < packet.events.size() && !interrupted();) {
+    const auto piece = next_piece(packet.events, i);
+    i += piece.size();
+    if (run.arguments.live) run.recorder.wait_until_due(piece.back().t);
+    for (; sample != packet.imu.end() && sample->t <= piece.back().t + offset; ++sample)
+      run.odometry.push(*sample);
     run.odometry.push(piece);
     run.monitor.add(piece);
     run.summary.events += std::ssize(piece);
     bar.update(run.reader.progress(), run.recorder.data_s(), run.summary.events, run.recorder.lines());
   }
+  for (; sample != packet.imu.end(); ++sample) run.odometry.push(*sample);
+  if (run.reader.imu_over()) run.odometry.end_imu();
 }
 
 // Feeds the recording through the odometry. Damage ends the reading, not the run: what came before it is
@@ -126,7 +141,7 @@ Outcome feed(Run& run) {
     outcome = {1, e.what()};
   }
   try {
-    if (!interrupted()) run.odometry.finish();
+    interrupted() ? run.odometry.wait() : run.odometry.finish();
   } catch (const DataError& e) {
     if (outcome.exit == 0) outcome = {1, e.what()};
   }
@@ -159,6 +174,11 @@ Outcome estimate_and_write(Run& run) {
     write_report(out);
     fmt::print("{} windows, {} lines; results in {}, report: {}\n", run.recorder.windows(),
                run.odometry.smoother().line_count(), out.string(), (out / "report.html").string());
+    if (const auto latency = run.recorder.latency())
+      fmt::print(
+          "latency from a window's last event to its pose: median {:.1f} ms, 99 % {:.1f} ms, worst {:.1f} "
+          "ms\n",
+          1e3 * latency->median, 1e3 * latency->p99, 1e3 * latency->worst);
     if (!figures.empty()) fmt::print("{}\n", figures);
   }
   return outcome;
@@ -208,6 +228,8 @@ void add_run(CLI::App& app, Action& action) {
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
   command->add_option("--rate", arguments->rate_hz, "sample both trajectories at this rate [Hz]")
       ->check(CLI::PositiveNumber);
+  command->add_flag("--live", arguments->live,
+                    "play the recording in its own time, drop nothing, and measure the latency of each pose");
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

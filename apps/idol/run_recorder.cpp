@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <thread>
 #include <utility>
 
 #include "idol/io/text_writer.hpp"
@@ -16,6 +17,7 @@ namespace {
 
 constexpr std::size_t kMaxSnapshots = 12;
 constexpr int kPictureScale = 3;
+constexpr double kLongestWait = 1.5;  // [s]: then poses are published, good or not
 
 // Times of multiples of the period in (after, until].
 std::vector<Time> ticks(Time after, Time until, double rate_hz) {
@@ -42,17 +44,65 @@ double peak_rss_mb() {
 RunRecorder::RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz)
     : dir_(std::move(dir)), rig_(rig), rate_hz_(rate_hz), undistort_(rig.camera) {}
 
-void RunRecorder::add(const Estimate& e) {
+void RunRecorder::publish(const Estimate& e) {
+  const Time first = rows_.empty() ? e.window.begin : rows_.front().begin();
+  if (causal_.empty() && !e.stats.settled && seconds_between(first, e.state.t) < kLongestWait) return;
   if (rate_hz_ > 0) {
     const Time after = causal_.empty() ? e.window.begin - 1 : causal_.back().t;
     for (Time t : ticks(after, e.state.t, rate_hz_)) causal_.push_back(e.smoother.state_at(t));
   } else {
     causal_.push_back(e.state);
   }
-  rows_.push_back({e.window.end, seconds_between(e.window.begin, e.window.end),
-                   e.window.events.size() - e.window.overlap, e.segments.segments.size(),
-                   e.segments.speed_px_s, e.stats, e.segment_s, e.integrate_s, e.solve_s});
+}
+
+void RunRecorder::add(const Estimate& e) {
+  publish(e);
+  Row row{e.window.end,
+          seconds_between(e.window.begin, e.window.end),
+          e.window.events.size() - e.window.overlap,
+          e.segments.segments.size(),
+          e.segments.speed_px_s,
+          e.stats,
+          StateVec::Zero(),
+          e.segment_s,
+          e.integrate_s,
+          e.solve_s};
+  if (const auto covariance = e.smoother.covariance()) row.sigma = covariance->diagonal().cwiseSqrt();
+  if (replay_ && !e.window.events.empty()) {
+    const Time last = e.window.events.back().t - from_seconds(rig_.time_offset_s);
+    row.latency_s = std::chrono::duration<double>(Clock::now() - replay_->begin).count() -
+                    seconds_between(replay_->first, last);
+  }
+  {
+    const std::lock_guard lock(rows_mutex_);
+    rows_.push_back(row);
+  }
   if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
+}
+
+void RunRecorder::wait_until_due(Time event) {
+  if (!replay_) replay_ = Replay{event, Clock::now()};
+  std::this_thread::sleep_until(replay_->begin + std::chrono::nanoseconds(event - replay_->first));
+}
+
+std::optional<RunRecorder::Latency> RunRecorder::latency() const {
+  if (!replay_ || rows_.empty()) return std::nullopt;
+  std::vector<double> sorted;
+  // Windows that ended while the start was still gathering IMU data waited for it, not for the estimator.
+  const double started = seconds_between(replay_->first, rows_.front().t) + rows_.front().latency_s;
+  for (const Row& row : rows_)
+    if (seconds_between(replay_->first, row.t) > started) sorted.push_back(row.latency_s);
+  if (sorted.empty()) return std::nullopt;
+  std::sort(sorted.begin(), sorted.end());
+  return Latency{sorted[sorted.size() / 2], sorted[sorted.size() * 99 / 100], sorted.back()};
+}
+
+// From the first event on.
+std::optional<double> RunRecorder::first_good_pose_s() const {
+  const auto good =
+      std::find_if(rows_.begin(), rows_.end(), [](const Row& row) { return row.stats.settled; });
+  if (good == rows_.end()) return std::nullopt;
+  return seconds_between(rows_.front().begin(), good->t);
 }
 
 // Events around the window's middle, and the lines where they were then.
@@ -105,11 +155,17 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
 
 void RunRecorder::write_windows() const {
   std::string text =
-      "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s\n";
-  for (const auto& r : rows_)
-    text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f}\n", format_stamp(r.t),
+      "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s,"
+      "settled,sigma_px,sigma_py,sigma_pz,sigma_rx,sigma_ry,sigma_rz,sigma_vx,sigma_vy,sigma_vz,"
+      "sigma_bgx,sigma_bgy,sigma_bgz,sigma_bax,sigma_bay,sigma_baz,sigma_time_shift\n";
+  for (const auto& r : rows_) {
+    text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f},{:d}", format_stamp(r.t),
                         r.duration_s, r.events, r.segments, r.speed_px_s, r.stats.lines, r.stats.residuals,
-                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s, r.solve_s);
+                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s, r.solve_s,
+                        r.stats.settled);
+    for (double sigma : r.sigma) text += fmt::format(",{:.4g}", sigma);
+    text += '\n';
+  }
   write_text_file(dir_ / "windows.csv", text);
 }
 
@@ -159,11 +215,15 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
                         {"hot_pixels", counts.hot},
                         {"unsupported", counts.unsupported},
                         {"thinned", counts.thinned}};
+  if (odometry.started()) stats["time_shift_s"] = odometry.smoother().latest().time_shift;
+  if (const auto live = latency())
+    stats["latency_s"] = {{"median", live->median}, {"p99", live->p99}, {"worst", live->worst}};
   stats["windows"] = rows_.size();
   stats["lines"] = odometry.started() ? odometry.smoother().line_count() : 0;
   stats["residuals"] = peak_residuals;
   stats["solver_iterations"] = iterations;
   stats["restarts"] = rows_.empty() ? 0 : rows_.back().stats.restarts;
+  if (const auto first = first_good_pose_s()) stats["first_good_pose_s"] = *first;
   stats["warnings"] = nlohmann::ordered_json::object();
   for (const auto& [kind, entry] : summary.diagnostics.entries())
     stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};

@@ -3,6 +3,8 @@
 
 #include <chrono>
 #include <filesystem>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,10 +15,23 @@ namespace idol::cli {
 
 class RunRecorder {
  public:
-  /// `rate_hz` 0: one pose an estimate; else both trajectories are sampled at this rate.
+  using Clock = std::chrono::steady_clock;
+
+  /// `rate_hz` 0: one pose an estimate; else both trajectories are sampled at this rate. The causal one
+  /// begins when the estimator has settled, 1.5 s after the first window at the latest.
   RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz);
 
+  /// In any thread, one call at a time.
   void add(const Estimate& estimate);
+
+  /// Live replay: returns when as much time has passed since the first call as between its event and this
+  /// one.
+  void wait_until_due(Time event);
+  struct Latency {
+    double median = 0, p99 = 0, worst = 0;  ///< from a window's last event to its pose [s]
+  };
+  /// Of a live replay, once the start is over.
+  [[nodiscard]] std::optional<Latency> latency() const;
 
   struct Summary {
     std::string sequence, preset, status;  ///< status: "done", "interrupted", or the error's text
@@ -33,9 +48,13 @@ class RunRecorder {
   [[nodiscard]] std::size_t windows() const { return rows_.size(); }
   /// Length of what has been estimated so far [s].
   [[nodiscard]] double data_s() const {
+    const std::lock_guard lock(rows_mutex_);
     return rows_.empty() ? 0 : seconds_between(rows_.front().t, rows_.back().t) + rows_.front().duration_s;
   }
-  [[nodiscard]] int lines() const { return rows_.empty() ? 0 : rows_.back().stats.lines; }
+  [[nodiscard]] int lines() const {
+    const std::lock_guard lock(rows_mutex_);
+    return rows_.empty() ? 0 : rows_.back().stats.lines;
+  }
 
  private:
   struct Row {
@@ -44,7 +63,15 @@ class RunRecorder {
     std::size_t events = 0, segments = 0;
     double speed_px_s = 0;  // of the segments across themselves, median
     SolveStats stats;
+    StateVec sigma = StateVec::Zero();
     double segment_s = 0, integrate_s = 0, solve_s = 0;
+    double latency_s = 0;  // live
+
+    [[nodiscard]] Time begin() const { return t - from_seconds(duration_s); }
+  };
+  struct Replay {
+    Time first = 0;  // event
+    Clock::time_point begin;
   };
   struct Snapshot {
     std::size_t window = 0;
@@ -53,6 +80,8 @@ class RunRecorder {
     std::vector<PictureLine> lines;
   };
 
+  void publish(const Estimate& estimate);
+  [[nodiscard]] std::optional<double> first_good_pose_s() const;
   void take_snapshot(const Estimate& estimate);
   void write_trajectories(const Odometry& odometry) const;
   void write_windows() const;
@@ -63,10 +92,12 @@ class RunRecorder {
   double rate_hz_;
   UndistortMap undistort_;
   std::vector<NavState> causal_;
+  mutable std::mutex rows_mutex_;  // the thread that reads asks how far it is
   std::vector<Row> rows_;
+  std::optional<Replay> replay_;
   std::vector<Snapshot> snapshots_;
   std::size_t snapshot_every_ = 1;
-  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  Clock::time_point begin_ = Clock::now();
 };
 
 }  // namespace idol::cli

@@ -33,20 +33,19 @@ LineEnds AnchoredLine::ends() const {
   return {a.x / a.w, b.x / b.w};
 }
 
-BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const NavState& state,
-                        const Preintegrated& motion, const ImuBias& linearised_at,
-                        const Projection& projection) {
+BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const TimedCamera& at,
+                        const Camera& camera) {
   BinResidual r;
-  const auto a = to_camera(line.end_a(), state, motion, linearised_at, projection);
-  const auto b = to_camera(line.end_b(), state, motion, linearised_at, projection);
-  const auto image = ImageLine::through(a.x, b.x, projection.camera);
+  const PointInCamera a = at(line.end_a()), b = at(line.end_b());
+  const auto image = ImageLine::through(a.x, b.x, camera);
   if (!image) return r;
   const Mat3 R_w_c = line.anchor.T_w_c.R();
   const Vec3 across = R_w_c.col(0) * line.anchor.normal.x() + R_w_c.col(1) * line.anchor.normal.y();
   for (int k = 0; k < 2; ++k) {
     const auto distance = image->distance(k == 0 ? a_px : b_px);
     r.value[k] = distance.value;
-    r.d_state.row(k) = distance.d_a * a.d_x_d_state + distance.d_b * b.d_x_d_state;
+    r.d_state.row(k) << distance.d_a * a.d_x_d_state + distance.d_b * b.d_x_d_state,
+        distance.d_a.dot(a.d_x_d_time) + distance.d_b.dot(b.d_x_d_time);
     // d point / d inverse depth = the anchor's position, d w / d inverse depth = 1.
     const RowVec3 to_a = distance.d_a * a.d_x_d_point, to_b = distance.d_b * b.d_x_d_point;
     r.d_line.row(k) << to_a.dot(across), to_a.dot(line.anchor.T_w_c.p) + distance.d_a.dot(a.d_x_d_w),

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "idol/backend/chain_system.hpp"
 #include "idol/backend/residuals.hpp"
 
 namespace idol {
@@ -40,15 +41,14 @@ struct AnchoredLine {
   [[nodiscard]] HomogeneousPoint end(const Vec2& m, double offset, double inverse_depth) const;
 };
 
-/// Distances [px] of two points of the image from the line at one time, with Jacobians.
+/// Distances [px] of two points of the image from the line at one time , with Jacobians.
 struct BinResidual {
   Vec2 value = Vec2::Zero();
-  Eigen::Matrix<double, 2, 15> d_state;
+  Eigen::Matrix<double, 2, kStateDim> d_state;  ///< the last: to the time shift
   Eigen::Matrix<double, 2, 4> d_line;
   bool valid = false;
 };
-BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const NavState& state,
-                        const Preintegrated& motion, const ImuBias& linearised_at,
-                        const Projection& projection);
+BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const TimedCamera& at,
+                        const Camera& camera);
 
 }  // namespace idol

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "idol/backend/chain_system.hpp"
 #include "idol/backend/residuals.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/imu/preintegration.hpp"
@@ -37,7 +39,8 @@ struct SolveStats {
   int lines = 0;      ///< in the problem
   int residuals = 0;  ///< scalar rows in the problem
   int iterations = 0;
-  int restarts = 0;      ///< times so far that the estimator was lost and began anew
+  int restarts = 0;     ///< times so far that the estimator was lost and began anew
+  bool settled = true;  ///< false after a start in motion or anew, until the velocity is known
   double cost = 0;
   double rms_px = 0;        ///< of the newest window's events to their lines
   double mean_track_s = 0;  ///< of the lines seen in the newest window
@@ -65,6 +68,9 @@ class Backend {
   /// States at the begin of each window and at the end of the last.
   [[nodiscard]] const std::vector<NavState>& states() const { return states_; }
   [[nodiscard]] const NavState& latest() const { return states_.back(); }
+  /// Of latest(), in the order position, rotation (about the IMU's axes), velocity, gyro bias, accelerometer
+  /// bias, time shift; position and yaw relative to the start. Nullopt: this estimator has none.
+  [[nodiscard]] virtual std::optional<StateMat> covariance() const { return std::nullopt; }
   /// State at any time of the windows so far, through the continuous representation.
   [[nodiscard]] NavState state_at(Time t) const;
   [[nodiscard]] const Projection& projection() const { return projection_; }

@@ -24,17 +24,17 @@ struct BackendOptions {
   int max_lines_per_window = 60;
   int min_windows = 3;
   double first_depth_m = 2.0;
-  double depth_prior_log = 1.0;
+  double depth_prior_log = 3.0;
   double slant_prior_log = 0.5;
   double cull_px = 1.5;
   double bin_s = 0.01;
   int min_bin_events = 5;
   double bin_gate_px = 0.8;
-  double bin_sigma_px = 2.0;
-  double bin_cauchy_sigmas = 0.4;
+  double bin_sigma_px = 1.2;
+  double bin_cauchy_sigmas = 0.25;
   double create_depth_sigma = 0.08;
   double create_rms_px = 1.0;
-  int few_lines = 8;
+  int few_lines = 20;
   double redetect_px = 2.5;
   int max_resting_lines = 60;
   double last_pass_s = 60;
@@ -45,8 +45,9 @@ struct BackendOptions {
   double start_velocity_sigma = 0.02;
   double moving_velocity_sigma = 1.0;
   double gyro_bias_sigma = 0.003;
-  double moving_gyro_bias_sigma = 0.03;
+  double moving_gyro_bias_sigma = 0.02;
   double accel_bias_sigma = 0.2;
+  double time_shift_sigma = 0.003;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -111,6 +112,8 @@ struct BackendOptions {
           "gyro bias after a moving start [rad/s]");
     visit("accel_bias_sigma", self.accel_bias_sigma, Range{1e-6, 10},
           "accelerometer bias at the start [m/s^2]");
+    visit("time_shift_sigma", self.time_shift_sigma, Range{1e-9, 1},
+          "error of the rig's time offset at the start, estimated on line [s]; 1e-9: the offset is exact");
   }
 };
 

@@ -16,11 +16,11 @@ void lift(Matrix& H) {
 }  // namespace
 
 ChainSystem::ChainSystem(std::size_t states, Eigen::Index line_columns)
-    : diagonal(states, Mat15::Zero()),
-      next(states, Mat15::Zero()),
+    : diagonal(states, StateMat::Zero()),
+      next(states, StateMat::Zero()),
       lines(states, Eigen::MatrixXd::Zero(kStateDim, line_columns)),
       line_block(Eigen::MatrixXd::Zero(line_columns, line_columns)),
-      state_gradient(states, Vec15::Zero()),
+      state_gradient(states, StateVec::Zero()),
       line_gradient(Eigen::VectorXd::Zero(line_columns)) {}
 
 // Lines come in the order of their first sight: columns that a state or those before it touch.
@@ -40,19 +40,19 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
   const Eigen::Index m = line_gradient.size();
   const std::vector<Eigen::Index> width = widths();
   // Forward: W_i = L_i^-1 [T(i, i+1), B_i], y_i = L_i^-1 g_i, subtracted from what follows.
-  std::vector<Mat15> L(n), to_next(n);
+  std::vector<StateMat> L(n), to_next(n);
   std::vector<Eigen::MatrixXd> to_lines(n);
-  std::vector<Vec15> y(n);
-  Mat15 D = diagonal[0];
+  std::vector<StateVec> y(n);
+  StateMat D = diagonal[0];
   Eigen::MatrixXd B = lines[0].leftCols(width[0]);
-  Vec15 g = state_gradient[0];
+  StateVec g = state_gradient[0];
   Eigen::MatrixXd C = line_block;
   Eigen::VectorXd gl = line_gradient;
   C.diagonal() += damping * line_block.diagonal();
   for (std::size_t i = 0; i < n; ++i) {
     const Eigen::Index w = width[i];
     D.diagonal() += damping * diagonal[i].diagonal();
-    const Eigen::LLT<Mat15> factor(D);
+    const Eigen::LLT<StateMat> factor(D);
     if (factor.info() != Eigen::Success) return {};
     L[i] = factor.matrixL();
     const auto lower = L[i].triangularView<Eigen::Lower>();
@@ -72,14 +72,21 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     g = state_gradient[i + 1];
     g.noalias() -= to_next[i].transpose() * y[i];
   }
-  Step step{std::vector<Vec15>(n), Eigen::VectorXd::Zero(m)};
+  Step step{std::vector<StateVec>(n), Eigen::VectorXd::Zero(m), StateMat::Identity()};
   if (m > 0) {
     const Eigen::LLT<Eigen::MatrixXd> factor(C);  // reads the lower half
     if (factor.info() != Eigen::Success) return {};
     step.lines = factor.solve(-gl);
+    Eigen::MatrixXd W = Eigen::MatrixXd::Zero(m, kStateDim);
+    W.topRows(width[n - 1]) = to_lines[n - 1].transpose();
+    factor.matrixL().solveInPlace(W);
+    step.last_covariance += W.transpose() * W;
   }
+  // Block inverse: (L L')^-1 + what the lines' uncertainty adds.
+  const StateMat from_last = L[n - 1].triangularView<Eigen::Lower>().solve(StateMat::Identity());
+  step.last_covariance = (from_last.transpose() * step.last_covariance * from_last).eval();
   for (std::size_t i = n; i-- > 0;) {
-    Vec15 right = -y[i];
+    StateVec right = -y[i];
     if (width[i] > 0) right -= to_lines[i] * step.lines.head(width[i]);
     if (i + 1 < n) right -= to_next[i] * step.states[i + 1];
     step.states[i] = L[i].transpose().triangularView<Eigen::Upper>().solve(right);
@@ -93,13 +100,13 @@ void ChainSystem::eliminate_first(Eigen::MatrixXd& H, Eigen::VectorXd& g) const 
   g.resize(kStateDim + m);
   H << diagonal[1], lines[1], lines[1].transpose(), line_block;
   g << state_gradient[1], line_gradient;
-  Mat15 D = diagonal[0];
+  StateMat D = diagonal[0];
   lift(D);
-  const Eigen::LLT<Mat15> factor(D);
+  const Eigen::LLT<StateMat> factor(D);
   Eigen::MatrixXd W(kStateDim, kStateDim + m);
   W << next[0], lines[0];
   factor.matrixL().solveInPlace(W);
-  const Vec15 y = factor.matrixL().solve(state_gradient[0]);
+  const StateVec y = factor.matrixL().solve(state_gradient[0]);
   H.noalias() -= W.transpose() * W;
   g.noalias() -= W.transpose() * y;
 }

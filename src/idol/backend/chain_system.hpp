@@ -1,5 +1,5 @@
 // Normal equations of a chain of states and the lines they see: H x = -g with
-//   H = | T  B |   T block tridiagonal (15 x 15 blocks, one a state), B states x lines, C lines x lines.
+//   H = | T  B |   T block tridiagonal (16 x 16 blocks, one a state), B states x lines, C lines x lines.
 //       | B' C |
 // States are eliminated in order, each against its successor and the lines; what the first elimination leaves
 // behind is the marginal prior of a sliding window (Schur complement).
@@ -10,24 +10,25 @@
 
 namespace idol {
 
-constexpr int kStateDim = 15;
-using Mat15 = Eigen::Matrix<double, kStateDim, kStateDim>;
-using Vec15 = Eigen::Matrix<double, kStateDim, 1>;
+constexpr int kStateDim = 16;  ///< pose, velocity, biases, time shift
+using StateMat = Eigen::Matrix<double, kStateDim, kStateDim>;
+using StateVec = Eigen::Matrix<double, kStateDim, 1>;
 
 struct ChainSystem {
   ChainSystem(std::size_t states, Eigen::Index line_columns);
 
-  std::vector<Mat15> diagonal;         ///< of T
-  std::vector<Mat15> next;             ///< T(i, i + 1)
-  std::vector<Eigen::MatrixXd> lines;  ///< rows of B: 15 x line columns
+  std::vector<StateMat> diagonal;      ///< of T
+  std::vector<StateMat> next;          ///< T(i, i + 1)
+  std::vector<Eigen::MatrixXd> lines;  ///< rows of B: 16 x line columns
   Eigen::MatrixXd line_block;          ///< C
-  std::vector<Vec15> state_gradient;
+  std::vector<StateVec> state_gradient;
   Eigen::VectorXd line_gradient;
   double cost = 0;
 
   struct Step {
-    std::vector<Vec15> states;
+    std::vector<StateVec> states;
     Eigen::VectorXd lines;
+    StateMat last_covariance;  ///< of the last state, everything else marginalised
   };
   /// Minimises the quadratic model with the diagonal raised by the share `damping`. Empty lists if H is not
   /// positive.

@@ -214,8 +214,8 @@ class EventLineCost : public ceres::CostFunction {
     const Vec3 end_b = ConstVectorMap<3>(parameters[2] + 3);
     for (std::size_t i = 0; i < events_.size(); ++i) {
       const EventMeasurement& event = events_[i];
-      const PointInCamera a = to_camera({end_a}, state, event.motion, linearised_at_, projection_);
-      const PointInCamera b = to_camera({end_b}, state, event.motion, linearised_at_, projection_);
+      const TimedCamera camera(state, event.motion, linearised_at_, projection_);
+      const PointInCamera a = camera({end_a}), b = camera({end_b});
       const LineResidual distance = event_to_line(event, a, b, projection_.camera);
       const LineResidual push = repulsion(event, a, b, projection_.camera);
       const auto robust = huber(distance.value / noise_.event_px, noise_.huber_sigmas);
@@ -255,9 +255,9 @@ class AttractionCost : public ceres::SizedCostFunction<1, kPoseSize, kMotionSize
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const NavState state = from_parameters(parameters[0], parameters[1]);
-    const auto a = to_camera({ConstVectorMap<3>(parameters[2])}, state, motion_, linearised_at_, projection_);
-    const auto b =
-        to_camera({ConstVectorMap<3>(parameters[2] + 3)}, state, motion_, linearised_at_, projection_);
+    const TimedCamera camera(state, motion_, linearised_at_, projection_);
+    const auto a = camera({ConstVectorMap<3>(parameters[2])}),
+               b = camera({ConstVectorMap<3>(parameters[2] + 3)});
     const LineResidual r = attraction(a, b, projection_.camera);
     residuals[0] = r.value / sigma_;
     if (jacobians == nullptr) return true;

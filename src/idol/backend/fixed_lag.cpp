@@ -15,16 +15,17 @@ void FixedLag::start(const NavState& first, bool still) {
   states_ = {first};
   set_prior(first, still);
   gauge_ = prior_;
+  settled_ = still;
 }
 
 void FixedLag::set_prior(const NavState& first, bool still) {
   constexpr double kGauge = 1e-4, kTilt = 0.1;
   prior_ = {first, {}, {}, {}};
-  Vec15 sigma;
+  StateVec sigma;
   sigma << Vec3::Constant(kGauge), kTilt, kTilt, kGauge,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
       Vec3::Constant(still ? options_.gyro_bias_sigma : options_.moving_gyro_bias_sigma),
-      Vec3::Constant(options_.accel_bias_sigma);
+      Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma;
   prior_.H = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
   const Mat3 R = first.T_w_i.R();
@@ -36,8 +37,11 @@ void FixedLag::add(WindowMeasurement window) {
   const std::size_t index = windows_.size();
   append(window);
   const Preintegration& imu = *window.imu;
-  inertial_.push_back({imu.at(imu.end()), imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
-                       std::move(window.bin_motions)});
+  inertial_.push_back({imu.at(imu.end()),
+                       imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
+                       std::move(window.bin_motions),
+                       {}});
+  move_cameras();
   for (auto& seen : window.lines) file(index, std::move(seen));
   const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {
     return entry.second.mapped && !entry.second.dead && entry.second.last_window == index &&
@@ -76,13 +80,17 @@ SolveStats FixedLag::solve() {
   forget();
   make_lines();
   const std::vector<LineId> ids = active_lines();
-  SolveStats stats = optimise(ids, reduced_prior(ids), options_.max_iterations);
+  // While everything is in the lag a bad start can still be undone, which takes longer.
+  const int iterations = first_ == 0 ? 2 * options_.max_iterations : options_.max_iterations;
+  SolveStats stats = optimise(ids, reduced_prior(ids), iterations);
   update_resting_lines(ids);
   cull();
   measure_extents();
   if (lost()) restart();
+  settled_ = settled_ || knows_velocity();
   const SolveStats newest = newest_stats();
   stats.restarts = restarts_;
+  stats.settled = settled_;
   stats.rms_px = newest.rms_px;
   stats.mean_track_s = newest.mean_track_s;
   return stats;
@@ -94,6 +102,12 @@ bool FixedLag::lost() const {
   const NavState& now = states_.back();
   return blind_s_ > kBlind || !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest) ||
          !(now.bias.accel.norm() < kBias);
+}
+
+// With it come tilt and scale.
+bool FixedLag::knows_velocity() const {
+  constexpr double kSigma = 0.05;  // [m/s]
+  return covariance_ && covariance_->block<3, 3>(6, 6).diagonal().cwiseSqrt().maxCoeff() < kSigma;
 }
 
 // Goes on from the last believable pose with a new map and an unknown velocity.
@@ -114,6 +128,8 @@ void FixedLag::restart() {
   tracks_.clear();
   alias_.clear();
   set_prior(now, false);
+  covariance_.reset();
+  settled_ = false;
   drop_past();
 }
 
@@ -133,6 +149,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     const auto step = system.solve(damping);
     double gain = -1;
     if (!step.states.empty()) {
+      covariance_ = step.last_covariance;
       apply(step, ids);
       ChainSystem moved = linearise(ids, prior);
       gain = system.cost - moved.cost;
@@ -140,6 +157,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     }
     if (!(gain >= 0)) {  // back, and more carefully
       std::copy(states.begin(), states.end(), states_.begin() + static_cast<std::ptrdiff_t>(first_));
+      move_cameras();
       for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = lines[k];
       damping = std::max(1e-6, 30 * damping);
       if (damping > kMost) break;
@@ -165,6 +183,7 @@ SolveStats FixedLag::finish() {
   }
   first_ = 0;
   prior_ = gauge_;
+  move_cameras();
   SolveStats stats;
   constexpr int kRounds = 3, kIterations = 4;
   for (int round = 0; round < kRounds; ++round) {

@@ -24,6 +24,7 @@ class FixedLag : public Backend {
   SolveStats finish() override;
   [[nodiscard]] std::vector<Line> lines() const override;
   [[nodiscard]] std::size_t line_count() const override;
+  [[nodiscard]] std::optional<StateMat> covariance() const override { return covariance_; }
 
  private:
   struct Observation {
@@ -53,8 +54,9 @@ class FixedLag : public Backend {
   };
   struct Inertial {  // of one window
     Preintegrated motion;
-    Mat9 weight;                      // inverse covariance
-    std::vector<Preintegrated> bins;  // to the bin times
+    Mat9 weight;                       // inverse covariance
+    std::vector<Preintegrated> bins;   // to the bin times
+    std::vector<TimedCamera> cameras;  // then, by the states as they are
   };
 
   void file(std::size_t window, LineObservation&& seen);
@@ -67,6 +69,7 @@ class FixedLag : public Backend {
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
   [[nodiscard]] double typical_depth() const;
 
+  void move_cameras();
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
   [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations);
   [[nodiscard]] bool keeps_past() const;
@@ -82,6 +85,7 @@ class FixedLag : public Backend {
   void marginalise_oldest();
   void drop_past();
   [[nodiscard]] bool lost() const;
+  [[nodiscard]] bool knows_velocity() const;
   void restart();
   void set_prior(const NavState& first, bool still);
   void forget();
@@ -101,6 +105,8 @@ class FixedLag : public Backend {
   std::size_t dropped_ = 0;  // windows of which only the states are left
   double blind_s_ = 0;       // how long no known line has been seen, in motion
   int restarts_ = 0;
+  std::optional<StateMat> covariance_;  // of the newest state
+  bool settled_ = false;
 };
 
 }  // namespace idol

@@ -30,8 +30,8 @@ std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::siz
   for (const auto& [id, track] : tracks_) {
     if (!track.mapped || track.dead || !track.line.finite()) continue;
     const Line line = line_of(id, track);
-    const Vec3 a = to_camera({line.a}, state, seen.end_a.motion, bias, projection_).x;
-    const Vec3 b = to_camera({line.b}, state, seen.end_a.motion, bias, projection_).x;
+    const TimedCamera camera(state, seen.end_a.motion, bias, projection_);
+    const Vec3 a = camera({line.a}).x, b = camera({line.b}).x;
     if (a.z() < 0.05 || b.z() < 0.05) continue;
     const Vec2 pa = projection_.camera.project(a), pb = projection_.camera.project(b);
     const double length = (pb - pa).norm();

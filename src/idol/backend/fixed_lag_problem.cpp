@@ -8,20 +8,23 @@
 namespace idol {
 namespace {
 
-// Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a].
-Vec15 difference(const NavState& from, const NavState& to) {
-  Vec15 d;
+constexpr double kShiftWalk = 1e-5;  // of the camera's clock against the IMU's [s/sqrt(s)]
+
+// Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a, time shift].
+StateVec difference(const NavState& from, const NavState& to) {
+  StateVec d;
   d << to.T_w_i.p - from.T_w_i.p, quat_log(from.T_w_i.q.conjugate() * to.T_w_i.q), to.v_w - from.v_w,
-      to.bias.gyro - from.bias.gyro, to.bias.accel - from.bias.accel;
+      to.bias.gyro - from.bias.gyro, to.bias.accel - from.bias.accel, to.time_shift - from.time_shift;
   return d;
 }
 
-void move(NavState& state, const Vec15& step) {
+void move(NavState& state, const StateVec& step) {
   state.T_w_i.p += step.head<3>();
   state.T_w_i.q = (state.T_w_i.q * quat_exp(step.segment<3>(3))).normalized();
   state.v_w += step.segment<3>(6);
   state.bias.gyro += step.segment<3>(9);
   state.bias.accel += step.segment<3>(12);
+  state.time_shift += step[15];
 }
 
 Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
@@ -55,9 +58,18 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 }
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
-  return bin_to_line(bin.a_px, bin.b_px, line, states_[window],
-                     inertial_[window].bins[static_cast<std::size_t>(bin.slot)], windows_[window].imu->bias(),
-                     projection_);
+  return bin_to_line(bin.a_px, bin.b_px, line, inertial_[window].cameras[static_cast<std::size_t>(bin.slot)],
+                     projection_.camera);
+}
+
+// After each change of the active states.
+void FixedLag::move_cameras() {
+  for (std::size_t w = first_; w < windows_.size(); ++w) {
+    inertial_[w].cameras.clear();
+    for (const Preintegrated& motion : inertial_[w].bins)
+      inertial_[w].cameras.emplace_back(states_[w], later(motion, states_[w].time_shift),
+                                        windows_[w].imu->bias(), projection_);
+  }
 }
 
 // IMU, bias walk and rest between the states at `slot` and `slot + 1`.
@@ -69,22 +81,25 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
   const Eigen::Matrix<double, 15, 9> from_w = r.d_from.transpose() * inertial.weight;
   const Eigen::Matrix<double, 15, 9> to_w = r.d_to.transpose() * inertial.weight;
   system.cost += 0.5 * r.value.dot(inertial.weight * r.value);
-  system.diagonal[slot].noalias() += from_w * r.d_from;
-  system.next[slot].noalias() += from_w * r.d_to;
-  system.diagonal[slot + 1].noalias() += to_w * r.d_to;
-  system.state_gradient[slot].noalias() += from_w * r.value;
-  system.state_gradient[slot + 1].noalias() += to_w * r.value;
+  system.diagonal[slot].topLeftCorner<15, 15>().noalias() += from_w * r.d_from;
+  system.next[slot].topLeftCorner<15, 15>().noalias() += from_w * r.d_to;
+  system.diagonal[slot + 1].topLeftCorner<15, 15>().noalias() += to_w * r.d_to;
+  system.state_gradient[slot].head<15>().noalias() += from_w * r.value;
+  system.state_gradient[slot + 1].head<15>().noalias() += to_w * r.value;
 
-  Eigen::Matrix<double, 6, 1> weight;
+  // Biases and the time shift hardly change.
+  Eigen::Matrix<double, 7, 1> weight;
   weight << Vec3::Constant(1 / (noise_.gyro_walk * noise_.gyro_walk * inertial.motion.dt)),
-      Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * inertial.motion.dt));
-  const Eigen::Matrix<double, 6, 1> walk = bias_residual(from.bias, to.bias);
+      Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * inertial.motion.dt)),
+      1 / (kShiftWalk * kShiftWalk * inertial.motion.dt);
+  Eigen::Matrix<double, 7, 1> walk;
+  walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift;
   system.cost += 0.5 * walk.dot(weight.cwiseProduct(walk));
-  system.diagonal[slot].bottomRightCorner<6, 6>().diagonal() += weight;
-  system.diagonal[slot + 1].bottomRightCorner<6, 6>().diagonal() += weight;
-  system.next[slot].bottomRightCorner<6, 6>().diagonal() -= weight;
-  system.state_gradient[slot].tail<6>() -= weight.cwiseProduct(walk);
-  system.state_gradient[slot + 1].tail<6>() += weight.cwiseProduct(walk);
+  system.diagonal[slot].bottomRightCorner<7, 7>().diagonal() += weight;
+  system.diagonal[slot + 1].bottomRightCorner<7, 7>().diagonal() += weight;
+  system.next[slot].bottomRightCorner<7, 7>().diagonal() -= weight;
+  system.state_gradient[slot].tail<7>() -= weight.cwiseProduct(walk);
+  system.state_gradient[slot + 1].tail<7>() += weight.cwiseProduct(walk);
 
   if (windows_[window].still) {
     const double rest = 1 / std::pow(options_.start_velocity_sigma, 2);
@@ -109,7 +124,7 @@ void FixedLag::add_observation(ChainSystem& system, const Track& track, const Ob
     const double squared = r.value.squaredNorm() * information;
     const double weight = information / (1 + squared / scale);
     system.cost += 0.5 * scale * std::log1p(squared / scale);
-    const Eigen::Matrix<double, 15, 2> state_w = weight * r.d_state.transpose();
+    const Eigen::Matrix<double, kStateDim, 2> state_w = weight * r.d_state.transpose();
     const Eigen::Matrix<double, 4, 2> line_w = weight * r.d_line.transpose();
     system.diagonal[slot].noalias() += state_w * r.d_state;
     system.lines[slot].middleCols<4>(column).noalias() += state_w * r.d_line;
@@ -154,7 +169,7 @@ FixedLag::Prior FixedLag::reduced_prior(const std::vector<LineId>& ids) const {
 void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
   std::vector<Eigen::Index> known, rest;
   std::vector<double> moved;
-  const Vec15 d_state = difference(prior_.state, states_[first_]);
+  const StateVec d_state = difference(prior_.state, states_[first_]);
   for (Eigen::Index i = 0; i < kStateDim; ++i) {
     known.push_back(i);
     moved.push_back(d_state[i]);
@@ -184,6 +199,7 @@ void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
 
 void FixedLag::apply(const ChainSystem::Step& step, const std::vector<LineId>& ids) {
   for (std::size_t i = 0; i < step.states.size(); ++i) move(states_[first_ + i], step.states[i]);
+  move_cameras();
   for (std::size_t k = 0; k < ids.size(); ++k)
     tracks_.at(ids[k]).line.move(step.lines.segment<4>(4 * static_cast<Eigen::Index>(k)));
 }
@@ -230,6 +246,7 @@ void FixedLag::drop_past() {
   for (; dropped_ < first_; ++dropped_) {
     windows_[dropped_].imu.reset();
     inertial_[dropped_].bins = {};
+    inertial_[dropped_].cameras = {};
   }
 }
 

@@ -25,34 +25,44 @@ void chain(const RowVec3& d_a, const RowVec3& d_b, const PointInCamera& a, const
 
 }  // namespace
 
-// With dR = dR0 Exp(J dbg), times w: u = R^T (x_w - w (p + v dt + g dt^2 / 2)), x_i = dR^T (u - w dp),
-// x_c = R_c_i (x_i - w p_i_c).
-PointInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
-                        const ImuBias& linearised_at, const Projection& projection) {
-  const double dt = motion.dt, w = point.w;
+// With dR = dR0 Exp(J dbg): x_i = dR^T (R^T (x_w - w (p + v dt + g dt^2 / 2)) - w dp), x_c = R_c_i (x_i - w
+// p_i_c).
+TimedCamera::TimedCamera(const NavState& state, const Preintegrated& motion, const ImuBias& linearised_at,
+                         const Projection& projection)
+    : dt_(motion.dt), R_c_i_(projection.T_i_c.q.conjugate().toRotationMatrix()), lever_(projection.T_i_c.p) {
   const Vec3 dbg = state.bias.gyro - linearised_at.gyro;
   const Vec3 dba = state.bias.accel - linearised_at.accel;
   const Vec3 correction = motion.d_R_d_bg * dbg;
-  const Mat3 R = state.T_w_i.q.toRotationMatrix();
   const Mat3 dR = motion.dR * so3_exp(correction);
-  const Vec3 dp = motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba;
-  const Vec3 origin = state.T_w_i.p + state.v_w * dt + 0.5 * dt * dt * projection.gravity;
-  const Vec3 u = R.transpose() * (point.x - w * origin);
-  const Vec3 x_i = dR.transpose() * (u - w * dp);
-  const Mat3 R_c_i = projection.T_i_c.q.conjugate().toRotationMatrix();
-  const Mat3 R_c_0 = R_c_i * dR.transpose();
-  const Mat3 R_c_w = R_c_0 * R.transpose();
+  dp_ = motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba;
+  origin_ = state.T_w_i.p + state.v_w * dt_ + 0.5 * dt_ * dt_ * projection.gravity;
+  R_0_w_ = state.T_w_i.q.conjugate().toRotationMatrix();
+  R_c_0_ = R_c_i_ * dR.transpose();
+  R_c_w_ = R_c_0_ * R_0_w_;
+  R_i_0_ = dR.transpose();
+  d_x_d_w_ = -R_c_w_ * origin_ - R_c_0_ * dp_ - R_c_i_ * lever_;
+  turn_d_bg_ = right_jacobian(correction) * motion.d_R_d_bg;
+  p_d_bg_ = R_c_0_ * motion.d_p_d_bg;
+  p_d_ba_ = R_c_0_ * motion.d_p_d_ba;
+  rate_ = motion.rate - dbg;
+  v_i_ = R_i_0_ * (R_0_w_ * (state.v_w + dt_ * projection.gravity) + motion.dv + motion.d_v_d_bg * dbg +
+                   motion.d_v_d_ba * dba);
+}
 
+PointInCamera TimedCamera::operator()(const HomogeneousPoint& point) const {
+  const double w = point.w;
+  const Vec3 u = R_0_w_ * (point.x - w * origin_);
+  const Vec3 x_i = R_i_0_ * (u - w * dp_);
   PointInCamera out;
-  out.x = R_c_i * (x_i - w * projection.T_i_c.p);
-  out.d_x_d_point = R_c_w;
-  out.d_x_d_w = -R_c_w * origin - R_c_0 * dp - R_c_i * projection.T_i_c.p;
-  out.d_x_d_state.block<3, 3>(0, 0) = -w * R_c_w;
-  out.d_x_d_state.block<3, 3>(0, 3) = R_c_0 * hat(u);
-  out.d_x_d_state.block<3, 3>(0, 6) = -w * dt * R_c_w;
-  out.d_x_d_state.block<3, 3>(0, 9) =
-      R_c_i * hat(x_i) * right_jacobian(correction) * motion.d_R_d_bg - w * R_c_0 * motion.d_p_d_bg;
-  out.d_x_d_state.block<3, 3>(0, 12) = -w * R_c_0 * motion.d_p_d_ba;
+  out.x = R_c_i_ * (x_i - w * lever_);
+  out.d_x_d_point = R_c_w_;
+  out.d_x_d_w = d_x_d_w_;
+  out.d_x_d_time = R_c_i_ * (x_i.cross(rate_) - w * v_i_);
+  out.d_x_d_state.block<3, 3>(0, 0) = -w * R_c_w_;
+  out.d_x_d_state.block<3, 3>(0, 3) = R_c_0_ * hat(u);
+  out.d_x_d_state.block<3, 3>(0, 6) = -w * dt_ * R_c_w_;
+  out.d_x_d_state.block<3, 3>(0, 9) = R_c_i_ * hat(x_i) * turn_d_bg_ - w * p_d_bg_;
+  out.d_x_d_state.block<3, 3>(0, 12) = -w * p_d_ba_;
   return out;
 }
 

@@ -46,12 +46,24 @@ struct PointInCamera {
   Eigen::Matrix<double, 3, 15> d_x_d_state = Eigen::Matrix<double, 3, 15>::Zero();
   Mat3 d_x_d_point = Mat3::Zero();  ///< to HomogeneousPoint::x
   Vec3 d_x_d_w = Vec3::Zero();
+  Vec3 d_x_d_time = Vec3::Zero();  ///< to the event's time: the camera moves on [m/s]
 };
 
-/// x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t) from paper eq. 4. `linearised_at`: biases of the
-/// preintegration.
-PointInCamera to_camera(const HomogeneousPoint& point, const NavState& state, const Preintegrated& motion,
-                        const ImuBias& linearised_at, const Projection& projection);
+/// The camera at one time, from the state at the window's begin: x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t)
+/// from paper eq. 4. What does not depend on the point is computed once.
+class TimedCamera {
+ public:
+  /// `linearised_at`: biases of the preintegration.
+  TimedCamera(const NavState& state, const Preintegrated& motion, const ImuBias& linearised_at,
+              const Projection& projection);
+  [[nodiscard]] PointInCamera operator()(const HomogeneousPoint& point) const;
+
+ private:
+  double dt_;
+  Mat3 R_c_i_, R_c_0_, R_c_w_, R_i_0_, R_0_w_;  // 0: the IMU at the window's begin
+  Vec3 lever_, origin_, dp_, d_x_d_w_, rate_, v_i_;
+  Mat3 turn_d_bg_, p_d_bg_, p_d_ba_;
+};
 
 /// Image of the line through two points of the camera frame, by the plane through them and the camera's
 /// centre: its normal is x_a x x_b. Right also where an end is behind the camera.

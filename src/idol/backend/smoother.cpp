@@ -220,8 +220,8 @@ double Smoother::observation_rms(const Track& track, const Observation& o) const
   double sum = 0;
   const ImuBias& bias = windows_[o.window].imu->bias();
   for (const auto& e : o.seen.events) {
-    const auto a = to_camera({track.ends.a}, states_[o.window], e.motion, bias, projection_);
-    const auto b = to_camera({track.ends.b}, states_[o.window], e.motion, bias, projection_);
+    const TimedCamera camera(states_[o.window], e.motion, bias, projection_);
+    const auto a = camera({track.ends.a}), b = camera({track.ends.b});
     const LineResidual r = event_to_line(e, a, b, projection_.camera);
     sum += r.valid ? r.value * r.value : 1e6;
   }

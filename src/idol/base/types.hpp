@@ -71,6 +71,7 @@ struct NavState {
   Pose T_w_i;
   Vec3 v_w = Vec3::Zero();  ///< velocity in the world [m/s]
   ImuBias bias;
+  double time_shift = 0;  ///< of the camera's clock, beyond Rig::time_offset_s: t_imu = t_camera + both [s]
 };
 
 using LineId = std::int64_t;

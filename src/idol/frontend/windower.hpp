@@ -13,13 +13,14 @@
 namespace idol {
 
 struct WindowOptions {
-  int max_events = 30000;
+  int max_events = 1000000;
   double max_duration_s = 0.05;
   double overlap = 0.25;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
-    visit("max_events", self.max_events, Range{100, 1e7}, "events per window, N in the paper (III-A)");
+    visit("max_events", self.max_events, Range{100, 1e7},
+          "events per window, N in the paper (III-A); without it as the cut, a bound of memory");
     visit("max_duration_s", self.max_duration_s, Range{0.005, 10},
           "longest window [s]; the paper cuts by event count alone, which in slow motion leaves the IMU "
           "alone for long");

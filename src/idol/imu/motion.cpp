@@ -55,6 +55,20 @@ Mat9 inverse_covariance(const Motion& motion, const Mat9& covariance) {
   return J * covariance * J.transpose();
 }
 
+Preintegrated later(const Preintegrated& motion, double dt) {
+  Preintegrated out = motion;
+  out.dt += dt;
+  out.dR = motion.dR * so3_exp(dt * motion.rate);
+  out.dv += dt * motion.accel;
+  out.dp += dt * motion.dv + 0.5 * dt * dt * motion.accel;
+  out.d_R_d_bg = so3_exp(-dt * motion.rate) * motion.d_R_d_bg - dt * Mat3::Identity();
+  out.d_v_d_bg -= dt * hat(motion.accel) * motion.dR * motion.d_R_d_bg;
+  out.d_v_d_ba -= dt * motion.dR;
+  out.d_p_d_bg += dt * motion.d_v_d_bg;
+  out.d_p_d_ba += dt * motion.d_v_d_ba;
+  return out;
+}
+
 NavState predict(const NavState& begin, const Preintegrated& motion, const ImuBias& bias,
                  const Vec3& gravity) {
   const Vec3 dbg = begin.bias.gyro - bias.gyro;
@@ -63,6 +77,7 @@ NavState predict(const NavState& begin, const Preintegrated& motion, const ImuBi
   NavState out;
   out.t = begin.t + from_seconds(dt);
   out.bias = begin.bias;
+  out.time_shift = begin.time_shift;
   out.T_w_i.q = (begin.T_w_i.q * Quat(motion.dR) * quat_exp(motion.d_R_d_bg * dbg)).normalized();
   out.v_w =
       begin.v_w + gravity * dt + begin.T_w_i.q * (motion.dv + motion.d_v_d_bg * dbg + motion.d_v_d_ba * dba);

@@ -50,6 +50,10 @@ Motion inverse(const Motion& motion);
 /// Covariance of inverse(motion) from that of `motion`, both of (dp, dtheta, dv).
 Mat9 inverse_covariance(const Motion& motion, const Mat9& covariance);
 
+/// The motion to a time `dt` later, by its rate and acceleration; for a few milliseconds. The Jacobian to the shift is
+/// kept.
+Preintegrated later(const Preintegrated& motion, double dt);
+
 /// State at the preintegrated time from the state at the window's begin (paper eq. 4). The biases used are
 /// those of `begin`; `bias` are those that the preintegration was computed with. `gravity` in the world
 /// [m/s^2].

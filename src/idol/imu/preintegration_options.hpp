@@ -23,7 +23,7 @@ constexpr std::span<const std::string_view> option_names(PreintegrationMethod) {
 struct PreintegrationOptions {
   PreintegrationMethod method = PreintegrationMethod::kContinuous;
   double length_scale_samples = 3;
-  int margin_samples = 8;
+  int margin_samples = 3;
   double max_gap_s = 0.1;
   double gap_gyro_sigma = 1.0;
   double gap_accel_sigma = 5.0;

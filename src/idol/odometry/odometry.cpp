@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "idol/backend/fixed_lag.hpp"
@@ -23,7 +24,8 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-constexpr double kImuTail = 0.05;  // [s]: events after the last IMU sample that nobody will miss
+constexpr std::size_t kMostWaiting = 4;  // windows between the front-end and the back-end
+constexpr double kImuTail = 0.05;        // [s]: events after the last IMU sample that nobody will miss
 constexpr double kShortestWindow =
     0.005;  // [s]: what is left at the end of the data and shorter is not estimated
 
@@ -48,7 +50,9 @@ Odometry::Odometry(const Rig& rig, const Options& options)
       imu_(options.imu.max_gap_s),
       windower_(options.window),
       segmenter_(make_segmenter(options.segment, undistort_)),
-      smoother_(make_backend(rig, options.backend)) {}
+      smoother_(make_backend(rig, options.backend)) {
+  if (options.pipeline.threads > 1) background_ = std::make_unique<Background>(kMostWaiting);
+}
 
 void Odometry::push(const ImuSample& sample) {
   imu_.push(sample);
@@ -75,7 +79,12 @@ void Odometry::finish() {
     waiting_ = std::move(window);
     process_ready(true);
   }
+  wait();
   if (started()) smoother_->finish();
+}
+
+void Odometry::wait() {
+  if (background_) background_->drain();
 }
 
 // A window is taken up once the IMU covers it and the margin behind it, however the data were cut into
@@ -102,8 +111,7 @@ void Odometry::process_ready(bool last) {
       continue;
     }
     if (!started_ && !start(window, last)) return;
-    process(window);
-    waiting_.reset();
+    segment(*std::exchange(waiting_, std::nullopt));
   }
 }
 
@@ -139,45 +147,73 @@ bool Odometry::start(const EventWindow& window, bool last) {
   return true;
 }
 
-void Odometry::process(const EventWindow& window) {
+// What the front-end makes of a window depends on nothing that the back-end finds: both can work at a time.
+void Odometry::segment(EventWindow&& window) {
+  Stopwatch watch;
+  auto done = std::make_shared<Segmented>();
+  done->samples = imu_.slice(window.begin, window.end, options_.imu.margin_samples);
+  done->segments = segmenter_->process(window, camera_rates(done->samples));
+  done->window = std::move(window);
+  done->segment_s = watch.lap();
+  // What carries the newest estimate on stays.
+  const auto known = newest();
+  imu_.drop_before(std::min(done->window.end, known ? known->t : done->window.begin),
+                   2 * options_.imu.margin_samples);
+  if (background_)
+    background_->run([this, done] { estimate(*done); });
+  else
+    estimate(*done);
+}
+
+void Odometry::estimate(const Segmented& segmented) {
+  const EventWindow& window = segmented.window;
+  const SegmentedWindow& segments = segmented.segments;
   Stopwatch watch;
   const NavState& from = smoother_->latest();
   WindowMeasurement measurement;
-  const auto samples = imu_.slice(window.begin, window.end, options_.imu.margin_samples);
-  measurement.imu =
-      std::make_shared<Preintegration>(samples, window.begin, window.end, from.bias, rig_.imu, options_.imu);
+  measurement.imu = std::make_shared<Preintegration>(segmented.samples, window.begin, window.end, from.bias,
+                                                     rig_.imu, options_.imu);
   if (const int saturated = measurement.imu->quality().saturated; saturated > 0)
-    diagnostics_.warn("imu_saturated",
-                      fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: their "
-                                  "noise is inflated, accuracy suffers there",
-                                  static_cast<double>(window.begin) / kNsPerS),
-                      saturated);
-  double integrate_s = watch.lap();
-  const SegmentedWindow segments = segmenter_->process(window, camera_rates(samples, from.bias));
-  const double segment_s = watch.lap();
-  measurement.still = rest_.update(window, segments.segments.size(), imu_.slice(window.begin, window.end, 0),
-                                   from.bias, options_.backend.gravity);
+    backend_diagnostics_.warn(
+        "imu_saturated",
+        fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: "
+                    "their noise is inflated, accuracy suffers there",
+                    static_cast<double>(window.begin) / kNsPerS),
+        saturated);
+  std::vector<ImuSample> inside;
+  std::copy_if(segmented.samples.begin(), segmented.samples.end(), std::back_inserter(inside),
+               [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });
+  measurement.still =
+      rest_.update(window, segments.segments.size(), inside, from.bias, options_.backend.gravity);
   measurement.lines = observe(window, segments, *measurement.imu);
   if (options_.backend.method == BackendMethod::kFixedLag)
     for (int k = 0, n = bin_count(window); k < n; ++k)
       measurement.bin_motions.push_back(
           measurement.imu->at(window.begin + (2 * k + 1) * (window.end - window.begin) / (2 * n)));
   for (const auto& line : measurement.lines) ++track_windows_[line.id];
-  integrate_s += watch.lap();
+  const double integrate_s = watch.lap();
   smoother_->add(std::move(measurement));
   const SolveStats stats = smoother_->solve();
-  imu_.drop_before(window.end, 2 * options_.imu.margin_samples);
+  {
+    const std::lock_guard lock(newest_mutex_);
+    newest_ = smoother_->latest();
+  }
   if (listener_)
-    listener_(
-        {smoother_->latest(), window, segments, *smoother_, stats, segment_s, integrate_s, watch.lap()});
+    listener_({smoother_->latest(), window, segments, *smoother_, stats, segmented.segment_s, integrate_s,
+               watch.lap()});
 }
 
-std::vector<CameraRate> Odometry::camera_rates(std::span<const ImuSample> samples,
-                                               const ImuBias& bias) const {
+std::optional<NavState> Odometry::newest() const {
+  const std::lock_guard lock(newest_mutex_);
+  return newest_;
+}
+
+// With the gyro's bias in them: only their changes matter.
+std::vector<CameraRate> Odometry::camera_rates(std::span<const ImuSample> samples) const {
   std::vector<CameraRate> out;
   out.reserve(samples.size());
   const Mat3 R_c_i = rig_.T_i_c.q.conjugate().toRotationMatrix();
-  for (const ImuSample& s : samples) out.push_back({s.t, R_c_i * (s.gyro - bias.gyro)});
+  for (const ImuSample& s : samples) out.push_back({s.t, R_c_i * s.gyro});
   return out;
 }
 
@@ -269,17 +305,18 @@ std::vector<LineBin> Odometry::compress_events(const EventWindow& window,
 }
 
 std::optional<NavState> Odometry::predict_at(Time t) const {
-  if (!started() || imu_.empty() || t > imu_.back_time()) return std::nullopt;
-  const NavState& from = smoother_->latest();
-  if (t <= from.t) return smoother_->state_at(t);
-  const auto samples = imu_.slice(from.t, t, options_.imu.margin_samples);
+  const auto from = newest();
+  if (!from || t < from->t || imu_.empty() || t > imu_.back_time()) return std::nullopt;
+  if (t == from->t) return from;
+  const auto samples = imu_.slice(from->t, t, options_.imu.margin_samples);
   if (samples.size() < 2) return std::nullopt;
-  const Preintegration motion(samples, from.t, t, from.bias, rig_.imu, options_.imu);
-  return predict(from, motion.at(t), motion.bias(), smoother_->projection().gravity);
+  const Preintegration motion(samples, from->t, t, from->bias, rig_.imu, options_.imu);
+  return predict(*from, motion.at(t), motion.bias(), smoother_->projection().gravity);
 }
 
 Diagnostics Odometry::diagnostics() const {
   Diagnostics all = diagnostics_;
+  all.merge(backend_diagnostics_);
   all.merge(imu_.diagnostics());
   return all;
 }

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <functional>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,9 +21,20 @@
 #include "idol/frontend/windower.hpp"
 #include "idol/imu/imu_buffer.hpp"
 #include "idol/imu/imu_init.hpp"
+#include "idol/odometry/background.hpp"
 #include "idol/odometry/rest_detector.hpp"
 
 namespace idol {
+
+struct PipelineOptions {
+  int threads = 2;
+
+  template <class Self, class Visitor>
+  static void fields(Self& self, Visitor&& visit) {
+    visit("threads", self.threads, Range{1, 2},
+          "2: the back-end works in a thread of its own while the front-end goes on; results are the same");
+  }
+};
 
 struct Options {
   WindowOptions window;
@@ -29,6 +42,7 @@ struct Options {
   PreintegrationOptions imu;
   ImuInitOptions start;
   BackendOptions backend;
+  PipelineOptions pipeline;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -37,6 +51,7 @@ struct Options {
     visit("imu", self.imu, Range{}, "");
     visit("start", self.start, Range{}, "");
     visit("backend", self.backend, Range{}, "");
+    visit("pipeline", self.pipeline, Range{}, "");
   }
 };
 
@@ -54,33 +69,47 @@ class Odometry {
  public:
   Odometry(const Rig& rig, const Options& options);
 
-  /// Called after each window, in the thread that pushes.
+  /// Called after each window: with one thread in that which pushes, with two in the back-end's, one call at
+  /// a time.
   void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
-  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used.
+  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when
+  /// the back-end is some windows behind.
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
   /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
   void end_imu();
   /// Last, partial window and what waits for IMU data that will not come.
   void finish();
+  /// Returns when all windows cut so far are estimated. Throws what their estimation threw.
+  void wait();
 
+  /// After wait() or finish() only, until the next push.
   [[nodiscard]] const Backend& smoother() const { return *smoother_; }
   /// True once a window has been estimated.
-  [[nodiscard]] bool started() const { return started_ && smoother_->states().size() > 1; }
-  /// Newest estimate carried to `t` (IMU clock) by the samples present; nullopt before the start or outside
-  /// the data.
+  [[nodiscard]] bool started() const { return newest().has_value(); }
+  /// Newest estimate carried on to `t` (IMU clock) by the samples present, at any rate and in the thread that
+  /// pushes; nullopt before the start, before the newest estimate (smoother().state_at() has what was) or
+  /// beyond the data.
   [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
   [[nodiscard]] SegmenterCounts event_counts() const { return segmenter_->counts(); }
-  /// All oddities met so far.
+  /// All oddities met so far. After wait() or finish() only.
   [[nodiscard]] Diagnostics diagnostics() const;
 
  private:
   void process_ready(bool last);
   void drop_waiting();
   bool start(const EventWindow& window, bool last);
-  void process(const EventWindow& window);
-  [[nodiscard]] std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples,
-                                                     const ImuBias& bias) const;
+  // A window as the front-end leaves it.
+  struct Segmented {
+    EventWindow window;
+    SegmentedWindow segments;
+    std::vector<ImuSample> samples;
+    double segment_s = 0;
+  };
+  void segment(EventWindow&& window);
+  void estimate(const Segmented& segmented);
+  [[nodiscard]] std::optional<NavState> newest() const;
+  [[nodiscard]] std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples) const;
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
                                                      const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;
@@ -105,7 +134,10 @@ class Odometry {
   RestDetector rest_;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;
-  Diagnostics diagnostics_;
+  Diagnostics diagnostics_, backend_diagnostics_;
+  mutable std::mutex newest_mutex_;
+  std::optional<NavState> newest_;
+  std::unique_ptr<Background> background_;  // last: its jobs use all of the above
 };
 
 }  // namespace idol
