@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "arguments.hpp"
 #include "commands.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/io/reader.hpp"
@@ -17,6 +18,7 @@ namespace {
 
 struct InfoArguments {
   std::filesystem::path sequence, rig, imu_rig;
+  StreamArguments streams;
 };
 
 /// The calibration as far as there is one; an explicit file must be good.
@@ -115,10 +117,10 @@ void print_imu(const RecordingSummary& s, Time origin) {
                                            std::min(s.events.extent().last, s.imu.last))));
 }
 
-void print_groundtruth(const std::filesystem::path& sequence, Diagnostics& diagnostics) {
+void print_groundtruth(const InfoArguments& arguments, Diagnostics& diagnostics) {
   std::optional<Trajectory> truth;
   try {
-    truth = read_groundtruth(sequence);
+    truth = read_groundtruth(arguments.sequence, arguments.streams.choice);
   } catch (const DataError& e) {
     diagnostics.warn("bad_groundtruth", e.what());
   }
@@ -189,6 +191,7 @@ int info(const InfoArguments& arguments) {
   ReaderOptions reading;  // no sensor size: pixels outside are to be counted here, not refused
   reading.need_imu = false;
   reading.imu_if_present = true;
+  reading.choice = arguments.streams.choice;
   const auto reader = open_reader(arguments.sequence, reading);
   const Calibration calibration = find_calibration(arguments, diagnostics);
   RecordingSummary summary(calibration.camera ? calibration.camera->width : 0,
@@ -207,7 +210,7 @@ int info(const InfoArguments& arguments) {
     print_events(summary, origin);
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
-    print_groundtruth(arguments.sequence, diagnostics);
+    print_groundtruth(arguments, diagnostics);
     for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration)})
       for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
   }
@@ -225,10 +228,11 @@ void add_info(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("info", "Show what a recording holds, and what in it will hurt a run");
   command
       ->add_option("SEQUENCE", arguments->sequence,
-                   "recording: a folder in the RPG layout, or a file of events")
+                   "recording: a folder or file of any format that is read")
       ->required();
   command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  arguments->streams.declare(*command);
   command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 

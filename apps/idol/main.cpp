@@ -21,6 +21,7 @@ int main(int argc, char** argv) {
   idol::cli::add_segment(app, action);
   idol::cli::add_evaluate(app, action);
   idol::cli::add_simulate(app, action);
+  idol::cli::add_convert(app, action);
   idol::cli::add_info(app, action);
   idol::cli::add_preintegrate(app, action);
   idol::cli::add_report(app, action);

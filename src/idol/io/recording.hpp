@@ -19,6 +19,7 @@ namespace idol {
 /// of an HDF5 file. Empty: the only one, or the one that is usual for the format.
 struct StreamChoice {
   std::string events, imu, truth;
+  std::filesystem::path imu_file;  ///< the IMU from this recording instead; empty: from the same
 };
 
 /// One of the streams in a recording, for `idol info`.
@@ -43,6 +44,8 @@ class Recording {
   virtual std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) = 0;
   /// Pose of the camera in the world, if the recording has it. Throws DataError if it is damaged.
   virtual std::optional<Trajectory> groundtruth() { return std::nullopt; }
+  /// Whether groundtruth() is of the IMU instead of the camera.
+  [[nodiscard]] virtual bool truth_of_imu() const { return false; }
   /// All streams that the file names, those included that no odometry reads (frames, triggers).
   virtual std::vector<StreamInfo> streams() { return {}; }
   /// Size of the sensor as the recording states it [px]; zero where it does not.
@@ -54,6 +57,9 @@ class Recording {
 
 /// Throws DataError unless there is a file or folder at `path`.
 void check_exists(const std::filesystem::path& path);
+
+/// Whether `path` is a folder, or a file of one of the binary formats: no table of text.
+bool holds_recording(const std::filesystem::path& path);
 
 /// Opens a recording, whatever its format: decided by content, not by name. A folder may be a recording of its
 /// own (text, ASL) or hold one file that is. Throws DataError.

@@ -59,13 +59,26 @@ class EventParser {
   static constexpr std::uint32_t kLargestPixel = 0xffff;
 };
 
-/// "t ax ay az gx gy gz" [s, m/s^2, rad/s].
+/// How a text file writes IMU samples. Units are m/s^2 and rad/s in all of them.
+struct ImuTextLayout {
+  const char* columns;              ///< their names, parted by blanks; the first seven are read
+  std::int64_t stamp_ns = 0;        ///< a unit of the stamps, which are whole numbers; 0: decimal seconds
+  bool gyro_first = false;
+};
+constexpr ImuTextLayout kRpgImu{"t ax ay az gx gy gz"};
+constexpr ImuTextLayout kAslImu{"t[ns] wx wy wz ax ay az", 1, true};
+constexpr ImuTextLayout kTumVieImu{"t[us] gx gy gz ax ay az temperature", 1000, true};
+
 class ImuParser {
  public:
   using Row = ImuSample;
 
+  ImuParser(const ImuTextLayout& layout = kRpgImu) : layout_(layout) {}
   bool parse(std::string_view, ImuSample&) const { return false; }
   RowResult explain(std::string_view line, ImuSample& sample) const;
+
+ private:
+  ImuTextLayout layout_;
 };
 
 }  // namespace idol
