@@ -117,11 +117,17 @@ std::vector<std::uint8_t> compress(BlockCodec codec, Bytes block) {
   switch (codec) {
     case BlockCodec::kNone:
       return {block.begin(), block.end()};
-    case BlockCodec::kLz4:
-      out.resize(LZ4F_compressFrameBound(block.size(), nullptr));
-      size = LZ4F_compressFrame(out.data(), out.size(), block.data(), block.size(), nullptr);
+    case BlockCodec::kLz4: {
+      // Such frames as ROS's own decoder takes.
+      LZ4F_preferences_t frame{};
+      frame.frameInfo.blockSizeID = LZ4F_max1MB;
+      frame.frameInfo.blockMode = LZ4F_blockIndependent;
+      frame.frameInfo.contentChecksumFlag = LZ4F_contentChecksumEnabled;
+      out.resize(LZ4F_compressFrameBound(block.size(), &frame));
+      size = LZ4F_compressFrame(out.data(), out.size(), block.data(), block.size(), &frame);
       if (LZ4F_isError(size) != 0) throw std::runtime_error(LZ4F_getErrorName(size));
       break;
+    }
     case BlockCodec::kZstd:
       out.resize(ZSTD_compressBound(block.size()));
       size = ZSTD_compress(out.data(), out.size(), block.data(), block.size(), 3);

@@ -106,12 +106,13 @@ class EventSource : public Hdf5Source<Event> {
     y_.read(begin, count, ys_);
     p_.read(begin, count, ps_);
     rows.resize(count);
-    // Plain arrays, so that the compiler sees that nothing overlaps.
+    const std::int64_t ns = ns_;  // outside the loop: it cannot change there, and the division is slow
+    const Time offset = offset_;
     const std::int64_t* t = stamps_.data();
     const std::uint16_t *x = xs_.data(), *y = ys_.data();
     const std::int8_t* p = ps_.data();
     for (std::size_t i = 0; i < count; ++i)
-      rows[i] = {scaled(t[i], ns_) + offset_, x[i], y[i], p[i] > 0};
+      rows[i] = {scaled(t[i], ns) + offset, x[i], y[i], p[i] > 0};
   }
 
  private:

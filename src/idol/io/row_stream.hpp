@@ -2,6 +2,7 @@
 // error.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <exception>
 #include <limits>
@@ -9,6 +10,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/types.hpp"
@@ -31,6 +33,9 @@ class RowRules {
   void count_row() {
     if (++rows_ == next_check_) check_early();
   }
+  /// How many more rows may be counted at once, and counting them.
+  [[nodiscard]] std::int64_t rows_until_check() const { return next_check_ - rows_ - 1; }
+  void count_rows(std::int64_t rows) { rows_ += rows; }
   /// A row in order that comes long after the one before it, before row `i` of the piece.
   void check_jump(std::size_t i, Time previous, Time t) const {
     // The difference of two stamps may be beyond the range of Time.
@@ -97,6 +102,27 @@ class RowStream {
     return true;
   }
 
+  /// Appends rows that next() would give out, those that need no second look: at most `most`, and only stamps
+  /// before `end`. Perhaps none, though next() has more.
+  void next_plain(std::vector<Row>& out, std::size_t most, Time end) {
+    if (!held_ || damage_ || !near(given_, held_row_.t)) return;
+    most = std::min({most, piece_.size() - next_, static_cast<std::size_t>(rules_.rows_until_check())});
+    // Each row is confirmed by the one behind it.
+    std::size_t count = 0;
+    const Row* rows = piece_.data() + next_;
+    for (Time t = held_row_.t; count < most && t < end; t = rows[count++].t)
+      if (!near(t, rows[count].t) || !check_.good(rows[count])) break;
+    if (count == 0) return;
+    out.push_back(held_row_);
+    out.insert(out.end(), rows, rows + count - 1);
+    given_ = out.back().t;
+    held_row_ = rows[count - 1];
+    previous_ = held_row_.t;
+    next_ += count;
+    rules_.count_rows(static_cast<std::int64_t>(count));
+    rules_.in_order();
+  }
+
   [[nodiscard]] const StreamPlace& place() const { return *source_; }
   /// For a stream that is not read to its end. Throws DataError.
   void check_share() const { rules_.check_share(); }
@@ -118,6 +144,13 @@ class RowStream {
       rules_.bad_row(0, source_->odd());
       rules_.count_row();
     }
+  }
+
+  /// In order, and not long after: nothing to be looked into.
+  static bool near(Time before, Time after) {
+    constexpr Time kNear = 1'000'000'000;
+    if (after < before || after > before + kNear) return false;
+    return RowCheck<Row>::kEqualStampsAllowed || after > before;
   }
 
   /// The row being read.

@@ -6,7 +6,6 @@
 #include <limits>
 #include <memory>
 
-
 namespace idol {
 
 namespace {
@@ -102,7 +101,10 @@ void StreamReader::fill_events() {
   if (events_over_) return;
   auto& head = events_->head;
   while (head && head->t < end_ && waiting_.size() < options_.packet_events) {
-    if (head->t >= begin_) waiting_.push_back(*head);
+    if (head->t >= begin_) {
+      waiting_.push_back(*head);
+      events_->stream.next_plain(waiting_, options_.packet_events - waiting_.size(), end_);
+    }
     events_->advance();
   }
   if (!waiting_.empty()) {
