@@ -157,7 +157,7 @@ void RunRecorder::write_windows() const {
   std::string text =
       "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s,"
       "settled,sigma_px,sigma_py,sigma_pz,sigma_rx,sigma_ry,sigma_rz,sigma_vx,sigma_vy,sigma_vz,"
-      "sigma_bgx,sigma_bgy,sigma_bgz,sigma_bax,sigma_bay,sigma_baz,sigma_time_shift\n";
+      "sigma_bgx,sigma_bgy,sigma_bgz,sigma_bax,sigma_bay,sigma_baz,sigma_time_shift,sigma_event_lag\n";
   for (const auto& r : rows_) {
     text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f},{:d}", format_stamp(r.t),
                         r.duration_s, r.events, r.segments, r.speed_px_s, r.stats.lines, r.stats.residuals,
@@ -215,7 +215,10 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
                         {"hot_pixels", counts.hot},
                         {"unsupported", counts.unsupported},
                         {"thinned", counts.thinned}};
-  if (odometry.started()) stats["time_shift_s"] = odometry.smoother().latest().time_shift;
+  if (odometry.started()) {
+    stats["time_shift_s"] = odometry.smoother().latest().time_shift;
+    stats["event_lag_px"] = odometry.smoother().latest().event_lag_px;
+  }
   if (const auto live = latency())
     stats["latency_s"] = {{"median", live->median}, {"p99", live->p99}, {"worst", live->worst}};
   stats["windows"] = rows_.size();

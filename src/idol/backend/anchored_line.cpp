@@ -4,6 +4,11 @@
 #include <algorithm>
 
 namespace idol {
+namespace {
+
+using Mat34 = Eigen::Matrix<double, 3, 4>;
+
+}  // namespace
 
 LineAnchor LineAnchor::from_image(const Pose& T_w_c, const Vec2& a_px, const Vec2& b_px,
                                   const Camera& camera) {
@@ -33,8 +38,33 @@ LineEnds AnchoredLine::ends() const {
   return {a.x / a.w, b.x / b.w};
 }
 
-BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const TimedCamera& at,
-                        const Camera& camera) {
+// Each end is moved with the world, seen from the anchor again, and slid along the line back to where only
+// offset and inverse depth are free. In (x, y, inverse depth) a line is straight.
+Eigen::Matrix4d AnchoredLine::world_moves() const {
+  const Mat3 R_c_w = anchor.T_w_c.R().transpose();
+  const double length = (anchor.b - anchor.a).norm();
+  const Vec2 along = (anchor.b - anchor.a) / length;
+  const double d_offset = (coordinates[2] - coordinates[0]) / length,
+               d_inverse_depth = (coordinates[3] - coordinates[1]) / length;
+  Eigen::Matrix4d out;
+  for (int k = 0; k < 2; ++k) {
+    const double offset = coordinates[2 * k], inverse_depth = coordinates[2 * k + 1];
+    const Vec2 m = (k == 0 ? anchor.a : anchor.b) + offset * anchor.normal;
+    const Vec3 scaled = end(k == 0 ? anchor.a : anchor.b, offset, inverse_depth).x;
+    Mat34 moves;  // of the end in the camera, times its inverse depth
+    moves << inverse_depth * R_c_w, R_c_w * Vec3::UnitZ().cross(scaled);
+    for (int j = 0; j < 4; ++j) {
+      const Vec2 dm = moves.col(j).head<2>() - m * moves(2, j);
+      const double slide = along.dot(dm);
+      out(2 * k, j) = anchor.normal.dot(dm) - slide * d_offset;
+      out(2 * k + 1, j) = -inverse_depth * moves(2, j) - slide * d_inverse_depth;
+    }
+  }
+  return out;
+}
+
+BinResidual bin_to_line(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
+                        const TimedCamera& at, const Camera& camera) {
   BinResidual r;
   const PointInCamera a = at(line.end_a()), b = at(line.end_b());
   const auto image = ImageLine::through(a.x, b.x, camera);
@@ -42,10 +72,11 @@ BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& 
   const Mat3 R_w_c = line.anchor.T_w_c.R();
   const Vec3 across = R_w_c.col(0) * line.anchor.normal.x() + R_w_c.col(1) * line.anchor.normal.y();
   for (int k = 0; k < 2; ++k) {
-    const auto distance = image->distance(k == 0 ? a_px : b_px);
+    const Vec2& heading = k == 0 ? bin.a_heading : bin.b_heading;
+    const auto distance = image->distance((k == 0 ? bin.a_px : bin.b_px) + event_lag_px * heading);
     r.value[k] = distance.value;
     r.d_state.row(k) << distance.d_a * a.d_x_d_state + distance.d_b * b.d_x_d_state,
-        distance.d_a.dot(a.d_x_d_time) + distance.d_b.dot(b.d_x_d_time);
+        distance.d_a.dot(a.d_x_d_time) + distance.d_b.dot(b.d_x_d_time), image->normal().dot(heading);
     // d point / d inverse depth = the anchor's position, d w / d inverse depth = 1.
     const RowVec3 to_a = distance.d_a * a.d_x_d_point, to_b = distance.d_b * b.d_x_d_point;
     r.d_line.row(k) << to_a.dot(across), to_a.dot(line.anchor.T_w_c.p) + distance.d_a.dot(a.d_x_d_w),

@@ -36,19 +36,30 @@ struct AnchoredLine {
   [[nodiscard]] bool finite() const;
   /// The two ends in the world; only if finite().
   [[nodiscard]] LineEnds ends() const;
+  /// Columns: how the coordinates change when the world is shifted along its x, y, z [1/m] or turned about
+  /// its z axis [1/rad].
+  [[nodiscard]] Eigen::Matrix4d world_moves() const;
 
  private:
   [[nodiscard]] HomogeneousPoint end(const Vec2& m, double offset, double inverse_depth) const;
 };
 
-/// Distances [px] of two points of the image from the line at one time , with Jacobians.
+/// Events of one line within some milliseconds as two points at one time (line_moments.hpp).
+struct LineBin {
+  Vec2 a_px = Vec2::Zero(), b_px = Vec2::Zero();
+  Vec2 a_heading = Vec2::Zero(), b_heading = Vec2::Zero();  ///< MovingLine::heading there
+  int slot = 0;                                             ///< which of the window's bin times
+  int count = 0;                                            ///< events
+};
+
+/// Distances [px] of a bin's two points, carried on by the events' lag, from the line, with Jacobians.
 struct BinResidual {
   Vec2 value = Vec2::Zero();
-  Eigen::Matrix<double, 2, kStateDim> d_state;  ///< the last: to the time shift
+  Eigen::Matrix<double, 2, kStateDim> d_state;  ///< the last two: to the time shift and to the lag
   Eigen::Matrix<double, 2, 4> d_line;
   bool valid = false;
 };
-BinResidual bin_to_line(const Vec2& a_px, const Vec2& b_px, const AnchoredLine& line, const TimedCamera& at,
-                        const Camera& camera);
+BinResidual bin_to_line(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
+                        const TimedCamera& at, const Camera& camera);
 
 }  // namespace idol

@@ -5,19 +5,13 @@
 #include <optional>
 #include <vector>
 
+#include "idol/backend/anchored_line.hpp"
 #include "idol/backend/chain_system.hpp"
 #include "idol/backend/residuals.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/imu/preintegration.hpp"
 
 namespace idol {
-
-/// Events of one line within some milliseconds as two points at one time (line_moments.hpp).
-struct LineBin {
-  Vec2 a_px = Vec2::Zero(), b_px = Vec2::Zero();
-  int slot = 0;   ///< which of the window's bin times
-  int count = 0;  ///< events
-};
 
 /// What one window saw of one segment.
 struct LineObservation {
@@ -69,7 +63,7 @@ class Backend {
   [[nodiscard]] const std::vector<NavState>& states() const { return states_; }
   [[nodiscard]] const NavState& latest() const { return states_.back(); }
   /// Of latest(), in the order position, rotation (about the IMU's axes), velocity, gyro bias, accelerometer
-  /// bias, time shift; position and yaw relative to the start. Nullopt: this estimator has none.
+  /// bias, time shift, event lag; position and yaw relative to the start. Nullopt: this estimator has none.
   [[nodiscard]] virtual std::optional<StateMat> covariance() const { return std::nullopt; }
   /// State at any time of the windows so far, through the continuous representation.
   [[nodiscard]] NavState state_at(Time t) const;

@@ -42,12 +42,14 @@ struct BackendOptions {
   int lag_windows = 20;
   int max_iterations = 4;
   double gravity = 9.81;
+  double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.02;
   double moving_velocity_sigma = 1.0;
   double gyro_bias_sigma = 0.003;
   double moving_gyro_bias_sigma = 0.02;
   double accel_bias_sigma = 0.2;
   double time_shift_sigma = 0.003;
+  double event_lag_sigma_px = 0.2;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
@@ -102,6 +104,9 @@ struct BackendOptions {
           "windows optimised at a time: after the batch, the oldest pose fixed (paper VI), or the fixed lag");
     visit("max_iterations", self.max_iterations, Range{1, 1000}, "of the solver per window");
     visit("gravity", self.gravity, Range{9, 10.5}, "[m/s^2]");
+    visit(
+        "start_pose_sigma", self.start_pose_sigma, Range{1e-9, 100},
+        "of the first position [m] and yaw [rad], which nothing can measure: they are what we say they are");
     visit("start_velocity_sigma", self.start_velocity_sigma, Range{1e-4, 10},
           "velocity while the start is still [m/s]");
     visit("moving_velocity_sigma", self.moving_velocity_sigma, Range{1e-4, 100},
@@ -114,6 +119,8 @@ struct BackendOptions {
           "accelerometer bias at the start [m/s^2]");
     visit("time_shift_sigma", self.time_shift_sigma, Range{1e-9, 1},
           "error of the rig's time offset at the start, estimated on line [s]; 1e-9: the offset is exact");
+    visit("event_lag_sigma_px", self.event_lag_sigma_px, Range{1e-9, 10},
+          "how far events may trail their edges at any speed, estimated on line [px]; 1e-9: not at all");
   }
 };
 

@@ -9,7 +9,7 @@ namespace {
 // Keeps the Cholesky factor of a block with an unobserved direction from failing, far below any information.
 template <class Matrix>
 void lift(Matrix& H) {
-  constexpr double kShare = 1e-12;
+  constexpr double kShare = 1e-15;
   H.diagonal().array() += kShare * (H.diagonal().cwiseAbs().maxCoeff() + 1);
 }
 

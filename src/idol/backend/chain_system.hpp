@@ -1,5 +1,5 @@
 // Normal equations of a chain of states and the lines they see: H x = -g with
-//   H = | T  B |   T block tridiagonal (16 x 16 blocks, one a state), B states x lines, C lines x lines.
+//   H = | T  B |   T block tridiagonal (17 x 17 blocks, one a state), B states x lines, C lines x lines.
 //       | B' C |
 // States are eliminated in order, each against its successor and the lines; what the first elimination leaves
 // behind is the marginal prior of a sliding window (Schur complement).
@@ -10,7 +10,7 @@
 
 namespace idol {
 
-constexpr int kStateDim = 16;  ///< pose, velocity, biases, time shift
+constexpr int kStateDim = 17;  ///< pose, velocity, biases, time shift, event lag
 using StateMat = Eigen::Matrix<double, kStateDim, kStateDim>;
 using StateVec = Eigen::Matrix<double, kStateDim, 1>;
 
@@ -19,7 +19,7 @@ struct ChainSystem {
 
   std::vector<StateMat> diagonal;      ///< of T
   std::vector<StateMat> next;          ///< T(i, i + 1)
-  std::vector<Eigen::MatrixXd> lines;  ///< rows of B: 16 x line columns
+  std::vector<Eigen::MatrixXd> lines;  ///< rows of B: 17 x line columns
   Eigen::MatrixXd line_block;          ///< C
   std::vector<StateVec> state_gradient;
   Eigen::VectorXd line_gradient;

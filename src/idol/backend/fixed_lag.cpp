@@ -19,13 +19,13 @@ void FixedLag::start(const NavState& first, bool still) {
 }
 
 void FixedLag::set_prior(const NavState& first, bool still) {
-  constexpr double kGauge = 1e-4, kTilt = 0.1;
+  constexpr double kTilt = 0.1;
   prior_ = {first, {}, {}, {}};
   StateVec sigma;
-  sigma << Vec3::Constant(kGauge), kTilt, kTilt, kGauge,
+  sigma << Vec3::Constant(options_.start_pose_sigma), kTilt, kTilt, options_.start_pose_sigma,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
       Vec3::Constant(still ? options_.gyro_bias_sigma : options_.moving_gyro_bias_sigma),
-      Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma;
+      Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma, options_.event_lag_sigma_px;
   prior_.H = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
   const Mat3 R = first.T_w_i.R();
@@ -139,7 +139,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
   stats.lines = static_cast<int>(ids.size());
   for (LineId id : ids)
     for (const auto& seen : tracks_.at(id).seen) stats.residuals += 2 * static_cast<int>(seen.bins.size());
-  constexpr double kLeast = 1e-9, kMost = 1e3, kEnough = 1e-4;
+  constexpr double kLeast = 1e-13, kMost = 1e3, kEnough = 1e-4;
   double damping = kLeast;
   ChainSystem system = linearise(ids, prior);
   for (; stats.iterations < max_iterations; ++stats.iterations) {
@@ -149,7 +149,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     const auto step = system.solve(damping);
     double gain = -1;
     if (!step.states.empty()) {
-      covariance_ = step.last_covariance;
+      if (damping <= kLeast) covariance_ = step.last_covariance;
       apply(step, ids);
       ChainSystem moved = linearise(ids, prior);
       gain = system.cost - moved.cost;

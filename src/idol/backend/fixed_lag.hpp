@@ -75,6 +75,8 @@ class FixedLag : public Backend {
   [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] std::vector<LineId> active_lines() const;
   [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
+  using StateColumns = Eigen::Matrix<double, Eigen::Dynamic, kStateDim>;
+  [[nodiscard]] StateColumns prior_view(const Prior& prior) const;
   void add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const;
   void add_window(ChainSystem& system, std::size_t window, std::size_t slot) const;
   void add_observation(ChainSystem& system, const Track& track, const Observation& seen, std::size_t slot,

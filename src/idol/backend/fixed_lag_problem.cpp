@@ -9,13 +9,20 @@ namespace idol {
 namespace {
 
 constexpr double kShiftWalk = 1e-5;  // of the camera's clock against the IMU's [s/sqrt(s)]
+constexpr double kLagWalk = 0.003;   // of the events' lag: light and contrasts change [px/sqrt(s)]
 
-// Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a, time shift].
+// Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a, time shift, event lag].
 StateVec difference(const NavState& from, const NavState& to) {
   StateVec d;
   d << to.T_w_i.p - from.T_w_i.p, quat_log(from.T_w_i.q.conjugate() * to.T_w_i.q), to.v_w - from.v_w,
-      to.bias.gyro - from.bias.gyro, to.bias.accel - from.bias.accel, to.time_shift - from.time_shift;
+      to.bias.gyro - from.bias.gyro, to.bias.accel - from.bias.accel, to.time_shift - from.time_shift,
+      to.event_lag_px - from.event_lag_px;
   return d;
+}
+
+// Of the rotation part of `difference` to a change of `to`.
+Mat3 to_turn(const NavState& from, const NavState& to) {
+  return right_jacobian_inverse(quat_log(from.T_w_i.q.conjugate() * to.T_w_i.q));
 }
 
 void move(NavState& state, const StateVec& step) {
@@ -25,6 +32,19 @@ void move(NavState& state, const StateVec& step) {
   state.bias.gyro += step.segment<3>(9);
   state.bias.accel += step.segment<3>(12);
   state.time_shift += step[15];
+  state.event_lag_px += step[16];
+}
+
+using WorldMoves = Eigen::Matrix<double, Eigen::Dynamic, 4>;
+
+// Columns: how a state changes when the world is shifted along its x, y, z or turned about its z axis.
+Eigen::Matrix<double, kStateDim, 4> world_moves(const NavState& state) {
+  Eigen::Matrix<double, kStateDim, 4> out = Eigen::Matrix<double, kStateDim, 4>::Zero();
+  out.topLeftCorner<3, 3>().setIdentity();
+  out.col(3).head<3>() = Vec3::UnitZ().cross(state.T_w_i.p);
+  out.col(3).segment<3>(3) = state.T_w_i.q.conjugate() * Vec3::UnitZ();
+  out.col(3).segment<3>(6) = Vec3::UnitZ().cross(state.v_w);
+  return out;
 }
 
 Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
@@ -33,6 +53,37 @@ Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) {
 
 }  // namespace
 
+// Shifting the whole world or turning it about the vertical changes no measurement. The prior was linearised
+// elsewhere, where other changes of the variables were such moves (N_0): taken as it is, it would hold down
+// the present ones (N), which nothing has measured. What it knows is where the lines are, seen from its
+// state; so the part of a change that is a move with the state counts as the same move there: d + (N_0 - N)
+// m(d), where m(d) are shift and turn of the state in d. These are the columns of that map for the state;
+// those of the lines are the identity. What the start says about position and yaw stays.
+FixedLag::StateColumns FixedLag::prior_view(const Prior& prior) const {
+  const Eigen::Index n = prior.g.size();
+  WorldMoves here(n, 4), there(n, 4);
+  const Mat3 turn = to_turn(prior.state, states_[first_]);
+  here.topRows<kStateDim>() = world_moves(states_[first_]);
+  here.block<3, 1>(3, 3) = turn * here.block<3, 1>(3, 3);
+  there.topRows<kStateDim>() = world_moves(prior.state);
+  for (std::size_t k = 0; k < prior.lines.size(); ++k) {
+    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k);
+    AnchoredLine line = tracks_.at(prior.lines[k].first).line;
+    here.middleRows<4>(row) = line.world_moves();
+    line.coordinates = prior.lines[k].second;
+    there.middleRows<4>(row) = line.world_moves();
+  }
+  // The move that takes the present state along.
+  Eigen::Matrix<double, 4, kStateDim> move = Eigen::Matrix<double, 4, kStateDim>::Zero();
+  move.topLeftCorner<3, 3>().setIdentity();
+  const RowVec3 yaw = here.block<3, 1>(3, 3).transpose() / here.block<3, 1>(3, 3).squaredNorm();
+  move.block<1, 3>(3, 3) = yaw;
+  move.block<3, 3>(0, 3) = -here.col(3).head<3>() * yaw;
+  StateColumns T = (there - here) * move;
+  T.topRows<kStateDim>() += StateMat::Identity();
+  return T;
+}
+
 void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const {
   const Eigen::Index n = prior.g.size();
   Eigen::VectorXd d(n);
@@ -40,16 +91,20 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
   for (std::size_t k = 0; k < prior.lines.size(); ++k)
     d.segment<4>(kStateDim + 4 * static_cast<Eigen::Index>(k)) =
         tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
-  const Eigen::VectorXd Hd = prior.H * d;
-  const Eigen::VectorXd g = prior.g + Hd;
-  system.cost += d.dot(prior.g) + 0.5 * d.dot(Hd);
+  StateColumns T = prior_view(prior);
+  Eigen::VectorXd seen = T * d.head<kStateDim>();
+  seen.tail(n - kStateDim) += d.tail(n - kStateDim);
+  T.middleCols<3>(3) = (T.middleCols<3>(3) * to_turn(prior.state, states_[first_])).eval();
+  const Eigen::VectorXd g = prior.g + prior.H * seen;
+  const StateColumns HT = prior.H * T;
+  system.cost += 0.5 * seen.dot(prior.g + g);
 
-  system.diagonal[0] += prior.H.topLeftCorner<kStateDim, kStateDim>();
-  system.state_gradient[0] += g.head<kStateDim>();
+  system.diagonal[0] += T.transpose() * HT;
+  system.state_gradient[0] += T.transpose() * g;
   for (std::size_t k = 0; k < prior.lines.size(); ++k) {
     const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k),
                        column = column_of(ids, prior.lines[k].first);
-    system.lines[0].middleCols<4>(column) += prior.H.block<kStateDim, 4>(0, row);
+    system.lines[0].middleCols<4>(column) += HT.middleRows<4>(row).transpose();
     system.line_gradient.segment<4>(column) += g.segment<4>(row);
     for (std::size_t j = 0; j < prior.lines.size(); ++j)
       system.line_block.block<4, 4>(column, column_of(ids, prior.lines[j].first)) +=
@@ -58,8 +113,8 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 }
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
-  return bin_to_line(bin.a_px, bin.b_px, line, inertial_[window].cameras[static_cast<std::size_t>(bin.slot)],
-                     projection_.camera);
+  return bin_to_line(bin, states_[window].event_lag_px, line,
+                     inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
 }
 
 // After each change of the active states.
@@ -87,19 +142,20 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
   system.state_gradient[slot].head<15>().noalias() += from_w * r.value;
   system.state_gradient[slot + 1].head<15>().noalias() += to_w * r.value;
 
-  // Biases and the time shift hardly change.
-  Eigen::Matrix<double, 7, 1> weight;
+  // Biases, time shift and lag hardly change.
+  Eigen::Matrix<double, 8, 1> weight;
   weight << Vec3::Constant(1 / (noise_.gyro_walk * noise_.gyro_walk * inertial.motion.dt)),
       Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * inertial.motion.dt)),
-      1 / (kShiftWalk * kShiftWalk * inertial.motion.dt);
-  Eigen::Matrix<double, 7, 1> walk;
-  walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift;
+      1 / (kShiftWalk * kShiftWalk * inertial.motion.dt), 1 / (kLagWalk * kLagWalk * inertial.motion.dt);
+  Eigen::Matrix<double, 8, 1> walk;
+  walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift,
+      to.event_lag_px - from.event_lag_px;
   system.cost += 0.5 * walk.dot(weight.cwiseProduct(walk));
-  system.diagonal[slot].bottomRightCorner<7, 7>().diagonal() += weight;
-  system.diagonal[slot + 1].bottomRightCorner<7, 7>().diagonal() += weight;
-  system.next[slot].bottomRightCorner<7, 7>().diagonal() -= weight;
-  system.state_gradient[slot].tail<7>() -= weight.cwiseProduct(walk);
-  system.state_gradient[slot + 1].tail<7>() += weight.cwiseProduct(walk);
+  system.diagonal[slot].bottomRightCorner<8, 8>().diagonal() += weight;
+  system.diagonal[slot + 1].bottomRightCorner<8, 8>().diagonal() += weight;
+  system.next[slot].bottomRightCorner<8, 8>().diagonal() -= weight;
+  system.state_gradient[slot].tail<8>() -= weight.cwiseProduct(walk);
+  system.state_gradient[slot + 1].tail<8>() += weight.cwiseProduct(walk);
 
   if (windows_[window].still) {
     const double rest = 1 / std::pow(options_.start_velocity_sigma, 2);

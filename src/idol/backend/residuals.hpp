@@ -78,6 +78,8 @@ class ImageLine {
   };
   /// Of an undistorted pixel.
   [[nodiscard]] Distance distance(const Vec2& px) const;
+  /// Unit, to where distances grow.
+  [[nodiscard]] Vec2 normal() const { return Vec2(n_.x() / camera_.fx, n_.y() / camera_.fy) / h_; }
 
  private:
   Vec3 a_, b_, n_, d_h_;

@@ -72,6 +72,9 @@ struct NavState {
   Vec3 v_w = Vec3::Zero();  ///< velocity in the world [m/s]
   ImuBias bias;
   double time_shift = 0;  ///< of the camera's clock, beyond Rig::time_offset_s: t_imu = t_camera + both [s]
+  /// How far events trail the edge that makes them, at any speed: a pixel fires once its contrast is reached
+  /// [px]
+  double event_lag_px = 0;
 };
 
 using LineId = std::int64_t;

@@ -40,6 +40,12 @@ Eigen::Vector2d MovingLine::point(double u, double t_s) const {
   return origin + u * direction + w * Eigen::Vector2d(-direction.y(), direction.x());
 }
 
+Eigen::Vector2d MovingLine::heading(double u, double t) const {
+  constexpr double kSlow = 10;  // [px/s]
+  const double v = c[2] + c[3] * u + 2 * c[4] * (t - time);
+  return v / std::hypot(v, kSlow) * Eigen::Vector2d(-direction.y(), direction.x());
+}
+
 std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, const Eigen::Vector2d& normal,
                                           double gate_px) {
   constexpr int kRounds = 3;

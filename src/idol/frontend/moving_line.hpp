@@ -29,6 +29,8 @@ struct MovingLine {
   [[nodiscard]] double along(const TimedPixel& event) const;
   /// Point of the line at position u and time t [px].
   [[nodiscard]] Eigen::Vector2d point(double u, double t) const;
+  /// Unit vector across the line, to where its point u moves at time t; fades out below some 10 px/s.
+  [[nodiscard]] Eigen::Vector2d heading(double u, double t) const;
   /// The same line at constant velocity from its middle time on: a parabola must not be carried far.
   [[nodiscard]] MovingLine extrapolable() const {
     MovingLine out = *this;

@@ -78,6 +78,7 @@ NavState predict(const NavState& begin, const Preintegrated& motion, const ImuBi
   out.t = begin.t + from_seconds(dt);
   out.bias = begin.bias;
   out.time_shift = begin.time_shift;
+  out.event_lag_px = begin.event_lag_px;
   out.T_w_i.q = (begin.T_w_i.q * Quat(motion.dR) * quat_exp(motion.d_R_d_bg * dbg)).normalized();
   out.v_w =
       begin.v_w + gravity * dt + begin.T_w_i.q * (motion.dv + motion.d_v_d_bg * dbg + motion.d_v_d_ba * dba);

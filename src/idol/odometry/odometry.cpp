@@ -299,7 +299,10 @@ std::vector<LineBin> Odometry::compress_events(const EventWindow& window,
     }
     if (std::ssize(points) < options_.backend.min_bin_events) continue;
     const LineMoments moments = compress(points);
-    out.push_back({moments.a(), moments.b(), k, moments.count});
+    const auto heading = [&](const Vec2& px) {
+      return line.heading(line.along({px.x(), px.y(), middle}), middle);
+    };
+    out.push_back({moments.a(), moments.b(), heading(moments.a()), heading(moments.b()), k, moments.count});
   }
   return out;
 }

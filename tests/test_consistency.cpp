@@ -1,0 +1,170 @@
+// The fixed lag on measurements whose errors are exactly what it is told: its covariance must be honest, and
+// what nobody can observe must stay unknown.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <random>
+
+#include "idol/backend/fixed_lag.hpp"
+#include "imu_motion.hpp"
+#include "test_util.hpp"
+
+namespace idol::test {
+namespace {
+
+constexpr double kBinSigma = 0.3;      // [px]
+constexpr double kTimeShift = 0.0008;  // [s]
+constexpr double kLag = 0.1;           // [px]
+constexpr double kWindow = 0.05;       // [s]
+constexpr int kBins = 2, kEvents = 40;
+
+struct World {
+  SineMotion motion;
+  Rig rig;
+  std::vector<LineEnds> lines;
+  ImuBias bias{Vec3(0.004, -0.003, 0.002), Vec3(0.05, -0.08, 0.06)};
+
+  explicit World(std::mt19937& rng) {
+    rig.camera = {240, 180, 200, 200, 120, 90};
+    rig.T_i_c = {quat_exp(Vec3(0.02, -0.01, 0.03)), Vec3(0.03, 0.01, 0.02)};
+    rig.imu.rate_hz = 500;
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (int k = 0; k < 150; ++k) {
+      const Vec3 middle(2.5 * uniform(rng), 2.5 * uniform(rng), 2.5 + uniform(rng));
+      const Vec3 half(0.3 * uniform(rng), 0.3 * uniform(rng), 0.3 * uniform(rng));
+      lines.push_back({middle - half, middle + half});
+    }
+  }
+  [[nodiscard]] std::optional<Vec2> image(const Vec3& point, double t) const {
+    const Vec3 x = (motion.state(t).T_w_i * rig.T_i_c).inverse() * point;
+    if (x.z() < 0.3) return std::nullopt;
+    const Vec2 px = rig.camera.project(x);
+    return rig.camera.width > px.x() && px.x() > 0 && px.y() > 0 && px.y() < rig.camera.height
+               ? std::optional(px)
+               : std::nullopt;
+  }
+  // As a segmenter and compression without error of their own would see the line at IMU time t: with noise,
+  // and behind the line by the lag.
+  [[nodiscard]] std::optional<LineBin> see(const LineEnds& line, double t, std::mt19937& rng) const {
+    const auto a = image(line.a, t), b = image(line.b, t), a1 = image(line.a, t + 1e-4),
+               b1 = image(line.b, t + 1e-4);
+    if (!a || !b || !a1 || !b1 || (*b - *a).norm() < 15) return std::nullopt;
+    const Vec2 along = (*b - *a).normalized(), across(-along.y(), along.x());
+    std::normal_distribution<double> noise(0, kBinSigma * std::sqrt(1 + 1.0 / kEvents));
+    LineBin bin{*a, *b, across, across, 0, kEvents};
+    for (const auto& [px, now, next, heading] :
+         {std::tuple{&bin.a_px, *a, *a1, &bin.a_heading}, std::tuple{&bin.b_px, *b, *b1, &bin.b_heading}}) {
+      *heading *= across.dot(next - now) > 0 ? 1 : -1;
+      *px += noise(rng) * across - kLag * *heading;
+    }
+    return bin;
+  }
+};
+
+BackendOptions honest_options() {
+  BackendOptions options;
+  options.lag_windows = 10;
+  options.bin_sigma_px = kBinSigma;
+  options.bin_cauchy_sigmas = 1000;
+  options.redetect_px = 0;
+  return options;
+}
+
+// Runs the estimator over some seconds from a first state that is off by what its prior allows.
+FixedLag run(const World& world, const BackendOptions& options, double seconds, std::mt19937& rng) {
+  std::normal_distribution<double> normal;
+  const auto random = [&](double sigma) { return Vec3(sigma * Vec3(normal(rng), normal(rng), normal(rng))); };
+  FixedLag estimator(world.rig, options);
+  NavState first = world.motion.state(0);
+  const Vec3 tilt = random(0.05);
+  first.T_w_i.q = quat_exp(Vec3(tilt.x(), tilt.y(), 0)) * first.T_w_i.q;
+  first.v_w += random(std::min(0.5, options.start_velocity_sigma));
+  first.bias.gyro = world.bias.gyro + random(options.gyro_bias_sigma);
+  first.bias.accel = world.bias.accel + random(options.accel_bias_sigma);
+  estimator.start(first, true);
+  const auto samples =
+      world.motion.readings(-0.1, seconds + 0.1, world.rig.imu.rate_hz, world.bias, &world.rig.imu, rng());
+  for (int w = 0; w < static_cast<int>(std::lround(seconds / kWindow)); ++w) {
+    const double begin = w * kWindow, end = begin + kWindow;
+    const auto from = static_cast<std::ptrdiff_t>((begin + 0.08) * world.rig.imu.rate_hz),
+               to = static_cast<std::ptrdiff_t>((end + 0.12) * world.rig.imu.rate_hz);
+    WindowMeasurement window;
+    window.imu = std::make_shared<Preintegration>(
+        std::span(samples).subspan(static_cast<std::size_t>(from), static_cast<std::size_t>(to - from)),
+        from_seconds(begin), from_seconds(end), estimator.latest().bias, world.rig.imu,
+        PreintegrationOptions{});
+    const auto middle = [&](int k) { return begin + (k + 0.5) * kWindow / kBins; };
+    for (int k = 0; k < kBins; ++k) window.bin_motions.push_back(window.imu->at(from_seconds(middle(k))));
+    for (std::size_t id = 0; id < world.lines.size(); ++id) {
+      LineObservation seen;
+      seen.id = static_cast<LineId>(id);
+      for (int k = 0; k < kBins; ++k)
+        if (auto bin = world.see(world.lines[id], middle(k) + kTimeShift, rng)) {
+          bin->slot = k;
+          seen.bins.push_back(*bin);
+        }
+      if (seen.bins.size() < kBins) continue;
+      const auto motion = window.bin_motions[kBins / 2];
+      seen.end_a = {seen.bins[kBins / 2].a_px, motion};
+      seen.end_b = {seen.bins[kBins / 2].b_px, motion};
+      window.lines.push_back(std::move(seen));
+    }
+    estimator.add(std::move(window));
+    estimator.solve();
+  }
+  return estimator;
+}
+
+TEST(Consistency, TheCovarianceIsHonest) {
+  constexpr int kRuns = 20, kPart = 9;  // position, rotation, velocity
+  constexpr double kSeconds = 2.0;
+  double sum = 0;
+  for (int k = 0; k < kRuns; ++k) {
+    std::mt19937 rng(static_cast<unsigned>(k));
+    const World world(rng);
+    const FixedLag estimator = run(world, honest_options(), kSeconds, rng);
+    ASSERT_TRUE(estimator.covariance().has_value());
+    ASSERT_GT(estimator.line_count(), 8U);
+    const NavState &now = estimator.latest(), truth = world.motion.state(kSeconds);
+    Eigen::Matrix<double, kPart, 1> error;
+    error << now.T_w_i.p - truth.T_w_i.p, quat_log(truth.T_w_i.q.conjugate() * now.T_w_i.q),
+        now.v_w - truth.v_w;
+    const Eigen::Matrix<double, kPart, kPart> covariance =
+        estimator.covariance()->topLeftCorner<kPart, kPart>();
+    EXPECT_LT(error.head<3>().norm(), 0.1);
+    sum += error.dot(covariance.ldlt().solve(error));
+  }
+  // Chi-square of 180 degrees of freedom, over 20: 99.9 % lie in here.
+  EXPECT_GT(sum / kRuns, 6.2);
+  EXPECT_LT(sum / kRuns, 12.4);
+}
+
+// Position and yaw of everything can be chosen freely: the measurements must not add information about them,
+// however many windows have gone into the prior at different linearisation points.
+TEST(Consistency, UnobservableDirectionsStayUnknown) {
+  std::mt19937 rng(5);
+  const World world(rng);
+  BackendOptions options = honest_options();
+  options.start_pose_sigma = 0.3;
+  options.start_velocity_sigma = 10;  // a known velocity would say something about the yaw
+  FixedLag estimator = run(world, options, 2.5, rng);
+  for (int k = 0; k < 3; ++k) estimator.solve();  // until the covariance is of the very state we ask for
+  ASSERT_GT(estimator.line_count(), 8U);
+  const StateMat information = estimator.covariance()->ldlt().solve(StateMat::Identity());
+  const NavState& now = estimator.latest();
+  const double given = 1 / (options.start_pose_sigma * options.start_pose_sigma);
+  for (int axis = 0; axis < 3; ++axis) {
+    StateVec shift = StateVec::Zero();
+    shift[axis] = 1;
+    EXPECT_LT(shift.dot(information * shift), 1.05 * given) << "position " << axis;
+  }
+  StateVec yaw = StateVec::Zero();
+  yaw.head<3>() = Vec3::UnitZ().cross(now.T_w_i.p - world.motion.state(0).T_w_i.p);
+  yaw.segment<3>(3) = now.T_w_i.q.conjugate() * Vec3::UnitZ();
+  yaw.segment<3>(6) = Vec3::UnitZ().cross(now.v_w);
+  EXPECT_LT(yaw.dot(information * yaw), 1.05 * given);
+}
+
+}  // namespace
+}  // namespace idol::test
