@@ -108,12 +108,13 @@ void AedatFile::read_streams(const std::string& xml) {
   for (auto& [id, s] : streams) {
     if (s.kind.empty()) continue;
     if (s.name.empty()) s.name = fmt::format("{}", id);
-    const auto same = [&](const AedatStream& other) { return other.name == s.name && other.kind == s.kind; };
+    const auto same = [&named = s](const AedatStream& other) {
+      return other.name == named.name && other.kind == named.kind;
+    };
     if (std::count_if(streams.begin(), streams.end(), [&](const auto& o) { return same(o.second); }) > 1 &&
         !sources[id].empty()) {
-      AedatStream named = s;
-      named.name = fmt::format("{}/{}", sources[id], s.name);
-      streams_.push_back(named);
+      streams_.push_back(s);
+      streams_.back().name = fmt::format("{}/{}", sources[id], s.name);
     } else {
       streams_.push_back(s);
     }

@@ -1,0 +1,60 @@
+// A recording of arbitrary bytes, read to its end in every way there is.
+#pragma once
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include "idol/io/stream_reader.hpp"
+
+namespace idol {
+
+/// A file in memory.
+class MemoryFile {
+ public:
+  MemoryFile(const std::uint8_t* data, std::size_t size) : descriptor_(::memfd_create("fuzz", 0)) {
+    for (std::size_t done = 0; done < size;) {
+      const ssize_t count = ::write(descriptor_, data + done, size - done);
+      if (count <= 0) std::abort();
+      done += static_cast<std::size_t>(count);
+    }
+  }
+  ~MemoryFile() { ::close(descriptor_); }
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+
+ private:
+  int descriptor_;
+};
+
+/// Refusals (DataError, UsageError) are fine; anything else ends the fuzzer.
+template <class Format>
+void read_in_every_way(const std::uint8_t* data, std::size_t size) {
+  const MemoryFile file(data, size);
+  const auto attempt = [](auto&& read) {
+    try {
+      read();
+    } catch (const DataError&) {
+    } catch (const UsageError&) {
+    }
+  };
+  attempt([&] {
+    ReaderOptions options;
+    options.width = 240;
+    options.height = 180;
+    options.need_events = options.need_imu = false;
+    options.imu_if_present = true;
+    StreamReader reader(std::make_unique<Format>(file.path(), StreamChoice{}), options);
+    while (reader.next()) static_cast<void>(reader.progress());
+  });
+  attempt([&] { static_cast<void>(Format(file.path(), StreamChoice{}).streams()); });
+  attempt([&] { static_cast<void>(Format(file.path(), StreamChoice{}).resolution()); });
+  attempt([&] { static_cast<void>(Format(file.path(), StreamChoice{}).groundtruth()); });
+}
+
+}  // namespace idol
