@@ -43,7 +43,7 @@ std::vector<Time> read_times(const std::filesystem::path& path) {
 
 ImuNoise read_noise(const std::filesystem::path& path) {
   if (path.empty()) return {};
-  const auto noise = read_kalibr_file(path).imu;
+  const auto noise = read_calibration_file(path).imu;
   if (!noise)
     throw DataError(
         fmt::format("{}:1: no IMU noise in this file (accelerometer_noise_density and the other keys of "
