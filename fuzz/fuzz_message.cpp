@@ -1,4 +1,5 @@
-// Messages of a bag: the first byte chooses the type; two of them, since some encodings go on from one to the next.
+// Messages of a bag: the first byte chooses the type; two of them, since some encodings go on from one to the
+// next.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -9,9 +10,9 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const idol::Bytes message(data + 1, size - 1);
-  constexpr const char* kTypes[] = {"dvs_msgs/EventArray",       "prophesee_event_msgs/EventArray",
+  constexpr const char* kTypes[] = {"dvs_msgs/EventArray",           "prophesee_event_msgs/EventArray",
                                     "event_camera_msgs/EventPacket", "sensor_msgs/Imu",
-                                    "geometry_msgs/PoseStamped", "nav_msgs/Odometry"};
+                                    "geometry_msgs/PoseStamped",     "nav_msgs/Odometry"};
   const char* type = kTypes[data[0] % std::size(kTypes)];
   try {
     if (idol::is_event_type(type)) {

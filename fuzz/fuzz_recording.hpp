@@ -1,11 +1,11 @@
 // A recording of arbitrary bytes, read to its end in every way there is.
 #pragma once
 
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <stdexcept>
 #include <string>
 
@@ -13,23 +13,25 @@
 
 namespace idol {
 
-/// A file in memory.
+/// A file in memory, with a name: the HDF5 library follows links, so that /proc/self/fd will not do.
 class MemoryFile {
  public:
-  MemoryFile(const std::uint8_t* data, std::size_t size) : descriptor_(::memfd_create("fuzz", 0)) {
+  MemoryFile(const std::uint8_t* data, std::size_t size) {
+    const int descriptor = ::mkstemp(path_.data());
     for (std::size_t done = 0; done < size;) {
-      const ssize_t count = ::write(descriptor_, data + done, size - done);
+      const ssize_t count = ::write(descriptor, data + done, size - done);
       if (count <= 0) std::abort();
       done += static_cast<std::size_t>(count);
     }
+    ::close(descriptor);
   }
-  ~MemoryFile() { ::close(descriptor_); }
+  ~MemoryFile() { ::unlink(path_.c_str()); }
   MemoryFile(const MemoryFile&) = delete;
   MemoryFile& operator=(const MemoryFile&) = delete;
-  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+  [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  int descriptor_;
+  std::string path_ = "/dev/shm/idol_fuzz_XXXXXX";
 };
 
 /// Refusals (DataError, UsageError) are fine; anything else ends the fuzzer.

@@ -31,7 +31,8 @@ inline Packet some_packet(int part = 0) {
     packet.events.push_back({begin + i * Time{20'000}, static_cast<std::uint16_t>(rng() % 240),
                              static_cast<std::uint16_t>(rng() % 180), rng() % 2 == 0});
   for (int i = 0; i < 100; ++i)
-    packet.imu.push_back({begin + i * Time{1'000'000}, random_vec3(rng) + Vec3(0, 0, 9.81), random_vec3(rng)});
+    packet.imu.push_back(
+        {begin + i * Time{1'000'000}, random_vec3(rng) + Vec3(0, 0, 9.81), random_vec3(rng)});
   return packet;
 }
 
@@ -94,8 +95,8 @@ inline void expect_same(const ReadBack& read, const Packet& written) {
   }
 }
 
-/// Bytes changed, removed and doubled anywhere: an error, a warning or other values, never a crash, and the error
-/// names the file.
+/// Bytes changed, removed and doubled anywhere: an error, a warning or other values, never a crash, and the
+/// error names the file.
 inline void expect_survives_damage(const TempDir& dir, const std::string& whole) {
   std::mt19937 rng(11);
   for (int trial = 0; trial < 150; ++trial) {

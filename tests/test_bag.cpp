@@ -61,8 +61,9 @@ TEST(Bag, WithoutIndex) {
   const TempDir dir;
   const fs::path path = dir.path() / "r.bag";
   for (const bool compress : {false, true}) {
-    write(path, {some_packet(0), some_packet(1), some_packet(2), some_packet(3), some_packet(4), some_packet(5),
-                 some_packet(6), some_packet(7), some_packet(8), some_packet(9), some_packet(10), some_packet(11)},
+    write(path,
+          {some_packet(0), some_packet(1), some_packet(2), some_packet(3), some_packet(4), some_packet(5),
+           some_packet(6), some_packet(7), some_packet(8), some_packet(9), some_packet(10), some_packet(11)},
           compress);
     const std::string whole = slurp(path);
     const ReadBack r = read_back(dir.write("cut.bag", whole.substr(0, whole.size() * 9 / 10)));
@@ -154,12 +155,14 @@ TEST(BagMessages, EventPacketEvt3) {
 TEST(BagMessages, PropheseeArrayAndPoses) {
   Message m;
   m.header(1, 2).put<std::uint32_t>(4).put<std::uint32_t>(5).put<std::uint32_t>(1);
-  m.put<std::uint16_t>(3).put<std::uint16_t>(2).put<std::uint32_t>(9).put<std::uint32_t>(8).put<std::uint8_t>(1);
+  m.put<std::uint16_t>(3).put<std::uint16_t>(2).put<std::uint32_t>(9).put<std::uint32_t>(8).put<std::uint8_t>(
+      1);
   std::vector<Event> events;
   EventMessageDecoder("prophesee_event_msgs/EventArray").decode(m.bytes(), events);
   EXPECT_EQ(events, (std::vector<Event>{{9'000'000'008, 3, 2, true}}));
 
-  for (const char* type : {"geometry_msgs/TransformStamped", "nav_msgs/Odometry", "geometry_msgs/PoseStamped"}) {
+  for (const char* type :
+       {"geometry_msgs/TransformStamped", "nav_msgs/Odometry", "geometry_msgs/PoseStamped"}) {
     Message pose;
     pose.header(3, 4);
     if (std::strcmp(type, "geometry_msgs/PoseStamped") != 0) pose.text("child");

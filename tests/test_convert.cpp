@@ -17,8 +17,8 @@ const std::string kDemo = std::string(IDOL_DATA_DIR) + "/shapes_demo";
 /// Runs a script for Debian's Python; its exit status and output.
 CommandResult python(const TempDir& dir, const std::string& script, const std::string& arguments) {
   const fs::path file = dir.write("script.py", script), out = dir.path() / "python.out";
-  const int status =
-      std::system(fmt::format("/usr/bin/python3 '{}' {} >'{}' 2>&1", file.string(), arguments, out.string()).c_str());
+  const int status = std::system(
+      fmt::format("/usr/bin/python3 '{}' {} >'{}' 2>&1", file.string(), arguments, out.string()).c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, slurp(out), {}};
 }
 
@@ -35,11 +35,13 @@ TEST(Convert, SameTrajectoryThroughEveryFormat) {
   std::map<std::string, std::string> results;
   for (const std::string name : {"text", "r.bag", "r.h5", "second.aedat4", "packed.h5"}) {
     const std::string path = (dir.path() / name).string(), out = (dir.path() / ("out_" + name)).string();
-    const auto converted = run_idol("convert " + in + " " + path + (name == "packed.h5" ? " --compress" : ""));
+    const auto converted =
+        run_idol("convert " + in + " " + path + (name == "packed.h5" ? " --compress" : ""));
     ASSERT_EQ(converted.status, 0) << converted.err;
     const auto run = run_idol("run " + path + " --out " + out + " --rig " + kDemo + "/camchain-imucam.yaml");
     ASSERT_EQ(run.status, 0) << run.err;
-    results[name] = slurp(fs::path(out) / "states.csv") + slurp(fs::path(out) / "trajectory_camera_causal.txt") +
+    results[name] = slurp(fs::path(out) / "states.csv") +
+                    slurp(fs::path(out) / "trajectory_camera_causal.txt") +
                     slurp(fs::path(out) / "lines.csv");
     EXPECT_GT(results[name].size(), 5000u);
     EXPECT_TRUE(results[name] == results["text"]) << name;
@@ -89,12 +91,13 @@ poses = [m for _, m, _ in bag.read_messages('/optitrack/davis')]
 print(len(events), events[7].x, events[7].y, events[7].ts.to_nsec(), int(events[7].polarity))
 print(len(imu), imu[3].header.stamp.to_nsec(), repr(imu[3].linear_acceleration.z), repr(imu[3].angular_velocity.x))
 print(len(poses), repr(poses[2].pose.position.y))
-)", bag.string());
+)",
+                               bag.string());
     const Event& e = packet.events[7];
     const ImuSample& s = packet.imu[3];
-    EXPECT_EQ(result.out, fmt::format("{} {} {} {} {}\n{} {} {} {}\n{} {}\n", packet.events.size(), e.x, e.y, e.t,
-                                      e.polarity ? 1 : 0, packet.imu.size(), s.t, s.accel.z(), s.gyro.x(),
-                                      some_truth().size(), some_truth()[2].T.p.y()));
+    EXPECT_EQ(result.out, fmt::format("{} {} {} {} {}\n{} {} {} {}\n{} {}\n", packet.events.size(), e.x, e.y,
+                                      e.t, e.polarity ? 1 : 0, packet.imu.size(), s.t, s.accel.z(),
+                                      s.gyro.x(), some_truth().size(), some_truth()[2].T.p.y()));
   }
 }
 
@@ -111,11 +114,12 @@ f = h5py.File(sys.argv[1])
 e = f['events']
 print(len(e['t']), e['t'][7], e['x'][7], e['y'][7], e['p'][7], f.attrs['width'])
 print(f['imu/t'][3], repr(float(f['imu/accel'][3, 2])), f['groundtruth/orientation'].shape)
-)", file.string());
+)",
+                               file.string());
     const Event& e = packet.events[7];
-    EXPECT_EQ(result.out, fmt::format("{} {} {} {} {} 240\n{} {} ({}, 4)\n", packet.events.size(), e.t, e.x, e.y,
-                                      e.polarity ? 1 : 0, packet.imu[3].t, packet.imu[3].accel.z(),
-                                      some_truth().size()));
+    EXPECT_EQ(result.out,
+              fmt::format("{} {} {} {} {} 240\n{} {} ({}, 4)\n", packet.events.size(), e.t, e.x, e.y,
+                          e.polarity ? 1 : 0, packet.imu[3].t, packet.imu[3].accel.z(), some_truth().size()));
   }
 }
 
@@ -131,7 +135,8 @@ n = 1000
 for name, values in dict(t=numpy.arange(n) * 10, x=numpy.arange(n) % 240, y=numpy.arange(n) % 180,
                          p=numpy.arange(n) % 2 == 0).items():
     f.create_dataset('prophesee/left/' + name, data=values, compression='lzf')
-)", file.string());
+)",
+                           file.string());
   ASSERT_EQ(made.status, 0) << made.out;
   const ReadBack r = read_back(file);
   EXPECT_EQ(r.error, "");

@@ -1,6 +1,6 @@
 #include <blosc.h>
-#include <gtest/gtest.h>
 #include <fmt/format.h>
+#include <gtest/gtest.h>
 #include <hdf5.h>
 
 #include <limits>
@@ -31,7 +31,8 @@ class Hdf5Maker {
   template <class T>
   void column(const std::string& path, Hdf5Id type, const std::vector<T>& values, std::vector<hsize_t> size,
               Filter filter = Filter::kNone) {
-    const auto links = own_hdf5(H5Pcreate(H5P_LINK_CREATE)), creation = own_hdf5(H5Pcreate(H5P_DATASET_CREATE));
+    const auto links = own_hdf5(H5Pcreate(H5P_LINK_CREATE)),
+               creation = own_hdf5(H5Pcreate(H5P_DATASET_CREATE));
     H5Pset_create_intermediate_group(*links, 1);
     const int rank = static_cast<int>(size.size());
     const auto space = own_hdf5(H5Screate_simple(rank, size.data(), nullptr));
@@ -50,17 +51,20 @@ class Hdf5Maker {
       return;
     }
     std::vector<char> packed(values.size() * sizeof(T) + BLOSC_MAX_OVERHEAD);
-    const int bytes = blosc_compress_ctx(5, BLOSC_SHUFFLE, sizeof(T), values.size() * sizeof(T), values.data(),
-                                         packed.data(), packed.size(), BLOSC_ZSTD_COMPNAME, 0, 1);
+    const int bytes =
+        blosc_compress_ctx(5, BLOSC_SHUFFLE, sizeof(T), values.size() * sizeof(T), values.data(),
+                           packed.data(), packed.size(), BLOSC_ZSTD_COMPNAME, 0, 1);
     ASSERT_GT(bytes, 0);
     const std::vector<hsize_t> origin(size.size(), 0);
-    ASSERT_GE(H5Dwrite_chunk(*data, H5P_DEFAULT, 0, origin.data(), static_cast<std::size_t>(bytes), packed.data()),
-              0);
+    ASSERT_GE(
+        H5Dwrite_chunk(*data, H5P_DEFAULT, 0, origin.data(), static_cast<std::size_t>(bytes), packed.data()),
+        0);
     register_hdf5_filters();
   }
 
  private:
-  static std::size_t pass_on(unsigned, std::size_t, const unsigned[], std::size_t bytes, std::size_t*, void**) {
+  static std::size_t pass_on(unsigned, std::size_t, const unsigned[], std::size_t bytes, std::size_t*,
+                             void**) {
     return bytes;
   }
   Hdf5Handle file_;
@@ -88,8 +92,8 @@ void put_events(Hdf5Maker& maker, const std::string& group, const Packet& packet
 std::string imu_text(const Packet& packet) {
   std::string text = "#timestamp gx gy gz ax ay az temperature\n";
   for (const ImuSample& s : packet.imu)
-    text += fmt::format("{} {} {} {} {} {} {} 31.5\n", s.t / 1000, s.gyro.x(), s.gyro.y(), s.gyro.z(), s.accel.x(),
-                        s.accel.y(), s.accel.z());
+    text += fmt::format("{} {} {} {} {} {} {} 31.5\n", s.t / 1000, s.gyro.x(), s.gyro.y(), s.gyro.z(),
+                        s.accel.x(), s.accel.y(), s.accel.z());
   return text;
 }
 
@@ -165,7 +169,8 @@ TEST(Hdf5, M3ed) {
     Hdf5Maker maker(dir.path() / "x_data.h5");
     for (const char* camera : {"prophesee/left", "prophesee/right"})
       put_events(maker, camera, packet, zero_us, Filter::kZlib);
-    maker.column("prophesee/left/calib/resolution", H5T_NATIVE_INT64, std::vector<std::int64_t>{1280, 720}, {2});
+    maker.column("prophesee/left/calib/resolution", H5T_NATIVE_INT64, std::vector<std::int64_t>{1280, 720},
+                 {2});
     maker.column("ovc/imu/ts", H5T_NATIVE_INT64, t, {t.size()}, Filter::kZlib);
     maker.column("ovc/imu/accel", H5T_NATIVE_DOUBLE, accel, {t.size(), 3});
     maker.column("ovc/imu/omega", H5T_NATIVE_DOUBLE, omega, {t.size(), 3});
@@ -175,8 +180,10 @@ TEST(Hdf5, M3ed) {
   for (ImuSample& s : expected.imu) s.t -= zero_us * 1000;
   expect_same(read_back(dir.path() / "x_data.h5"), expected);
   EXPECT_EQ(open_recording(dir.path() / "x_data.h5")->resolution().height, 720);
-  EXPECT_EQ(read_back(dir.path() / "x_data.h5", {"prophesee/right", {}, {}, {}}).events.size(), expected.events.size());
-  expect_contains(read_back(dir.path() / "x_data.h5", {"prophesee/up", {}, {}, {}}).error, {"prophesee/right"});
+  EXPECT_EQ(read_back(dir.path() / "x_data.h5", {"prophesee/right", {}, {}, {}}).events.size(),
+            expected.events.size());
+  expect_contains(read_back(dir.path() / "x_data.h5", {"prophesee/up", {}, {}, {}}).error,
+                  {"prophesee/right"});
 
   // Truth: the first frame seen from the present one.
   EXPECT_EQ(open_recording(dir.path() / "x_data.h5")->groundtruth(), std::nullopt);
@@ -222,7 +229,8 @@ TEST(Hdf5, DamageIsToldOfAndDoesNoHarm) {
   const TempDir dir;
   write(dir.path() / "r.h5", {some_packet(0), some_packet(1)}, true, some_truth());
   const std::string whole = slurp(dir.path() / "r.h5");
-  expect_contains(read_back(dir.write("damaged", whole.substr(0, whole.size() / 2))).error, {"damaged", "HDF5"});
+  expect_contains(read_back(dir.write("damaged", whole.substr(0, whole.size() / 2))).error,
+                  {"damaged", "HDF5"});
   expect_survives_damage(dir, whole);
 }
 

@@ -133,7 +133,8 @@ void add_convert(CLI::App& app, Action& action) {
   auto a = std::make_shared<ConvertArguments>();
   auto* command = app.add_subcommand("convert", "Write a recording in another format");
   command->add_option("IN", a->in, "recording: a folder or file of any format that is read")->required();
-  command->add_option("OUT", a->out, "by its ending .bag, .h5, .aedat4; else a folder of text files")->required();
+  command->add_option("OUT", a->out, "by its ending .bag, .h5, .aedat4; else a folder of text files")
+      ->required();
   command->add_option("--format", a->format, "of OUT, whatever it is called")
       ->check(CLI::IsMember({"text", "bag", "hdf5", "aedat4"}));
   command->add_flag("--compress", a->compress, "smaller, and slower to read");
@@ -141,6 +142,11 @@ void add_convert(CLI::App& app, Action& action) {
   command->add_option("--imu-rig", a->imu_rig, "IMU noise (Kalibr imu.yaml)");
   a->span.declare(*command);
   a->streams.declare(*command);
+  command->footer(
+      "Examples:\n"
+      "  idol convert recording.aedat4 recording.bag\n"
+      "  idol convert recording.bag folder --from 5 --to 20 --compress\n"
+      "  idol convert events.h5 all.h5 --imu imu.bag --imu-topic /imu/data");
   command->callback([&action, a] { action = [a] { return convert(*a); }; });
 }
 

@@ -115,8 +115,7 @@ int evaluate_command(Arguments a, const CLI::App& command) {
   try {
     evaluation = evaluate(estimate, truth.trajectory, options);
   } catch (const DataError& e) {
-    throw DataError(
-        fmt::format("{} against {}: {}", estimate_path.string(), truth.name, e.what()));
+    throw DataError(fmt::format("{} against {}: {}", estimate_path.string(), truth.name, e.what()));
   }
   if (!a.json.empty()) write_json(a.json, evaluation_json(evaluation));
   fmt::print("estimate {}\nground truth {}\n{}", estimate_path.string(), truth.name,
@@ -150,6 +149,9 @@ void add_evaluate(CLI::App& app, Action& action) {
   command->add_option("--json", a->json, "Write all figures to FILE")->type_name("FILE");
   command->add_flag("--interpolate", a->interpolate,
                     "Interpolate ground truth at the estimate's stamps instead of taking the nearest pose");
+  command->footer(
+      "Examples:\n  idol evaluate out shapes_6dof\n  idol evaluate out/trajectory_camera.txt truth.txt "
+      "--protocol full");
   command->callback([=, &action] { action = [=] { return evaluate_command(*a, *command); }; });
 }
 

@@ -181,6 +181,7 @@ void add_preintegrate(CLI::App& app, Action& action) {
   command->add_flag("--covariance", a->covariance,
                     "append the upper triangle of the covariance of (rotation, velocity, "
                     "position)");
+  command->footer("Examples:\n  idol preintegrate imu.txt --from 12.5 --at times.txt --method continuous");
   command->callback([&action, a] { action = [a] { return run_preintegration(*a); }; });
 }
 

@@ -237,6 +237,11 @@ void add_run(CLI::App& app, Action& action) {
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   arguments->streams.declare(*command);
+  command->footer(
+      "Examples:\n"
+      "  idol run shapes_6dof --rig configs/rig_davis240c.yaml --out out\n"
+      "  idol run recording.bag --rig rig.yaml --from 5 --to 20 --out out\n"
+      "  idol run recording.aedat4 --rig rig.yaml --preset paper --set window.overlap=0 --out out");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

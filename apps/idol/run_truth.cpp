@@ -33,8 +33,8 @@ std::string full_figures(const Evaluation& evaluation) {
 
 }  // namespace
 
-std::string judge_against_truth(const std::filesystem::path& sequence, const StreamChoice& choice, const Pose& T_i_c,
-                                const std::filesystem::path& out,
+std::string judge_against_truth(const std::filesystem::path& sequence, const StreamChoice& choice,
+                                const Pose& T_i_c, const std::filesystem::path& out,
                                 Diagnostics& diagnostics) {
   std::optional<Trajectory> truth;
   try {
@@ -53,8 +53,8 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
   try {
     evaluation = evaluate(estimate, *truth, {});
   } catch (const DataError& e) {
-    diagnostics.warn("bad_groundtruth",
-                     fmt::format("{}: ground truth: {}; the run is not compared with it", sequence.string(), e.what()));
+    diagnostics.warn("bad_groundtruth", fmt::format("{}: ground truth: {}; the run is not compared with it",
+                                                    sequence.string(), e.what()));
     return {};
   }
   write_trajectory(out / "groundtruth_camera.txt", part_of(*truth, estimate.front().t, estimate.back().t));

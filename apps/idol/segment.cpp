@@ -165,6 +165,7 @@ void add_segment(CLI::App& app, Action& action) {
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   arguments->streams.declare(*command);
+  command->footer("Examples:\n  idol segment recording.bag --out segments.txt --pictures pictures --to 2");
   command->callback([&action, arguments] { action = [arguments] { return segment(*arguments); }; });
 }
 

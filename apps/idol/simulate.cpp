@@ -152,6 +152,7 @@ void add_simulate(CLI::App& app, Action& action) {
   command->add_option("--drop-events", a->options.drop_share, "share of the events lost")->check(CLI::Range(0.0, 1.0));
   command->add_flag("--no-noise", a->noiseless, "ideal sensors (biases stay)");
   command->add_flag("--plain", a->plain_text, "events.txt instead of events.txt.zst");
+  command->footer("Examples:\n  idol simulate scene.yaml --out recording --duration 10 --seed 3");
   command->callback([&action, a] { action = [a] { return run_simulation(*a); }; });
 }
 

@@ -1,5 +1,5 @@
-// Calibration files, each read for what it holds: Kalibr's (and OpenVINS', which are of the same kind), and that of
-// the RPG event-camera recordings. Others: foreign_calibrations.hpp.
+// Calibration files, each read for what it holds: Kalibr's (and OpenVINS', which are of the same kind), and
+// that of the RPG event-camera recordings. Others: foreign_calibrations.hpp.
 #pragma once
 
 #include <filesystem>
@@ -14,8 +14,8 @@ namespace idol {
 
 class YamlNode;
 
-/// What one file holds of a rig: a camchain, an imu.yaml, or both in one file. Resolution and lens are apart, since
-/// a rig file may give the one and leave the other to calib.txt.
+/// What one file holds of a rig: a camchain, an imu.yaml, or both in one file. Resolution and lens are apart,
+/// since a rig file may give the one and leave the other to calib.txt.
 struct CalibrationFile {
   std::optional<Camera> camera;  ///< lens; its resolution is 0 x 0 if the file has none
   int width = 0, height = 0;     ///< 0: not in the file
@@ -28,7 +28,8 @@ struct CalibrationFile {
 /// Number of pixels, as a whole number. Throws DataError.
 int pixels_of(const YamlNode& node);
 
-/// Reads what the file of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for what it holds but makes no sense.
+/// Reads what the file of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for what it
+/// holds but makes no sense.
 CalibrationFile read_calibration_file(const std::filesystem::path& path);
 
 /// RPG calib.txt: fx fy cx cy k1 k2 p1 p2 k3; resolution 0 x 0. Throws DataError.

@@ -46,7 +46,8 @@ Camera basalt_camera(const YamlNode& camera, const std::vector<YamlNode>& size) 
 /// Basalt writes one number or one an axis; the largest counts.
 double largest(const YamlNode& node) {
   double most = 0;
-  for (const double v : node.is_list() ? node.numbers() : std::vector<double>{node.number()}) most = std::max(most, v);
+  for (const double v : node.is_list() ? node.numbers() : std::vector<double>{node.number()})
+    most = std::max(most, v);
   if (!(most > 0)) node.refuse("must be positive");
   return most;
 }

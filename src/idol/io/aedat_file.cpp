@@ -41,9 +41,10 @@ AedatFile::AedatFile(const std::filesystem::path& path) : file_(path) {
   std::vector<std::uint8_t> bytes;
   file_.read(0, kMagic.size(), bytes);
   if (!std::equal(bytes.begin(), bytes.end(), kMagic.begin()))
-    throw DataError(fmt::format("{}: an AEDAT file of version 4.0 is expected; convert older ones with "
-                                "iniVation's tools",
-                                file_.name()));
+    throw DataError(
+        fmt::format("{}: an AEDAT file of version 4.0 is expected; convert older ones with "
+                    "iniVation's tools",
+                    file_.name()));
   file_.read(kMagic.size(), 4, bytes);
   const auto size = load<std::uint32_t>(bytes, 0);
   if (size > kLargestHeader)
@@ -68,7 +69,8 @@ AedatFile::AedatFile(const std::filesystem::path& path) : file_(path) {
         throw BadBytes{"its compression is none of none, LZ4 and Zstandard"};
     }
     const auto table = header.get<std::int64_t>(1, -1);
-    finished_ = table >= static_cast<std::int64_t>(begin_) && table <= static_cast<std::int64_t>(file_.size());
+    finished_ =
+        table >= static_cast<std::int64_t>(begin_) && table <= static_cast<std::int64_t>(file_.size());
     end_ = finished_ ? static_cast<std::uint64_t>(table) : file_.size();
     const auto text = header.vector(2, 1);
     const Bytes xml = header.buffer().subspan(text.at, text.count);
@@ -80,7 +82,8 @@ AedatFile::AedatFile(const std::filesystem::path& path) : file_(path) {
     throw DataError(fmt::format("{}: the file's header names no streams", file_.where(kMagic.size())));
 }
 
-/// Of the header's XML only what is needed: <node path=".../outInfo/ID/"> and <attr key="KEY" ...>VALUE</attr>.
+/// Of the header's XML only what is needed: <node path=".../outInfo/ID/"> and <attr key="KEY"
+/// ...>VALUE</attr>.
 void AedatFile::read_streams(const std::string& xml) {
   std::map<std::int32_t, AedatStream> streams;
   std::map<std::int32_t, std::string> sources;

@@ -8,8 +8,8 @@
 
 namespace idol {
 
-/// Stamps are microseconds of the camera's clock. Accelerations in g become m/s^2, rates in deg/s rad/s, along the
-/// axes of the camera's IMU. Choices are names of streams.
+/// Stamps are microseconds of the camera's clock. Accelerations in g become m/s^2, rates in deg/s rad/s,
+/// along the axes of the camera's IMU. Choices are names of streams.
 class AedatRecording : public Recording {
  public:
   /// Throws DataError if the file is none, or its header is damaged.

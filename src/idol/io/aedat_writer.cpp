@@ -31,13 +31,12 @@ std::int32_t codec_number(BlockCodec codec) {
 }
 
 std::string stream_node(std::int32_t id, const char* name, const char* kind, const std::string& info) {
-  return fmt::format(
-      R"(<node name="{0}" path="/mainloop/Recorder/outInfo/{0}/">)"
-      R"(<attr key="originalModuleName" type="string">capture</attr>)"
-      R"(<attr key="originalOutputName" type="string">{1}</attr>)"
-      R"(<attr key="typeIdentifier" type="string">{2}</attr>)"
-      R"(<node name="info" path="/mainloop/Recorder/outInfo/{0}/info/">{3}</node></node>)",
-      id, name, kind, info);
+  return fmt::format(R"(<node name="{0}" path="/mainloop/Recorder/outInfo/{0}/">)"
+                     R"(<attr key="originalModuleName" type="string">capture</attr>)"
+                     R"(<attr key="originalOutputName" type="string">{1}</attr>)"
+                     R"(<attr key="typeIdentifier" type="string">{2}</attr>)"
+                     R"(<node name="info" path="/mainloop/Recorder/outInfo/{0}/info/">{3}</node></node>)",
+                     id, name, kind, info);
 }
 
 }  // namespace
@@ -54,10 +53,9 @@ void AedatWriter::write_header(std::int64_t table_place) {
     size = fmt::format(R"(<attr key="sizeX" type="int">{}</attr><attr key="sizeY" type="int">{}</attr>)",
                        options_.width, options_.height);
   const std::string source = R"(<attr key="source" type="string">idol</attr>)";
-  const std::string xml =
-      R"(<dv version="2.0"><node name="outInfo" path="/mainloop/Recorder/outInfo/">)" +
-      stream_node(kEventStream, "events", "EVTS", size + source) + stream_node(kImuStream, "imu", "IMUS", source) +
-      "</node></dv>";
+  const std::string xml = R"(<dv version="2.0"><node name="outInfo" path="/mainloop/Recorder/outInfo/">)" +
+                          stream_node(kEventStream, "events", "EVTS", size + source) +
+                          stream_node(kImuStream, "imu", "IMUS", source) + "</node></dv>";
   FlatBuilder header("IOHE");
   const auto places = header.table(FlatBuilder::kRoot, {{0, 4}, {1, 8}, {2, kOffset}});
   header.set(places[0], codec_number(codec_));
@@ -94,7 +92,8 @@ void AedatWriter::add(const Packet& packet) {
       flat.set(at + 12, static_cast<std::uint8_t>(e.polarity ? 1 : 0));
       at += kSize;
     }
-    write_packet(kEventStream, flat, std::ssize(packet.events), packet.events.front().t, packet.events.back().t);
+    write_packet(kEventStream, flat, std::ssize(packet.events), packet.events.front().t,
+                 packet.events.back().t);
   }
   if (packet.imu.empty()) return;
   FlatBuilder flat("IMUS");
@@ -102,7 +101,8 @@ void AedatWriter::add(const Packet& packet) {
   const std::size_t list = flat.vector(places[0], packet.imu.size(), kOffset);
   for (std::size_t i = 0; i < packet.imu.size(); ++i) {
     const ImuSample& s = packet.imu[i];
-    const auto fields = flat.table(list + kOffset * i, {{0, 8}, {2, 4}, {3, 4}, {4, 4}, {5, 4}, {6, 4}, {7, 4}});
+    const auto fields =
+        flat.table(list + kOffset * i, {{0, 8}, {2, 4}, {3, 4}, {4, 4}, {5, 4}, {6, 4}, {7, 4}});
     flat.set(fields[0], microseconds(s.t));
     for (int axis = 0; axis < 3; ++axis) {
       const auto j = static_cast<std::size_t>(axis);

@@ -55,9 +55,10 @@ BagFile::BagFile(const std::filesystem::path& path) : file_(path) {
   std::vector<std::uint8_t> bytes;
   file_.read(0, std::min<std::uint64_t>(kMagic.size(), file_.size()), bytes);
   if (text(bytes) != kMagic)
-    throw DataError(fmt::format("{}: a bag of version 2.0 is expected ('rosbag migrate' makes one of older "
-                                "ones)",
-                                file_.name()));
+    throw DataError(
+        fmt::format("{}: a bag of version 2.0 is expected ('rosbag migrate' makes one of older "
+                    "ones)",
+                    file_.name()));
   begin_ = kMagic.size();
   BagMessages records(*this, {});
   BagMessages::Record record;

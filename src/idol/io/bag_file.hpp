@@ -20,8 +20,8 @@ struct BagTopic {
   std::int64_t messages = -1;  ///< -1: not known, the bag has no index
 };
 
-/// What a bag holds. With an index it is read from there; without one (the recorder was killed, the file is cut
-/// off) the whole file is walked through once, as far as it is good.
+/// What a bag holds. With an index it is read from there; without one (the recorder was killed, the file is
+/// cut off) the whole file is walked through once, as far as it is good.
 class BagFile {
  public:
   /// Throws DataError if this is no bag of version 2.0, or an encrypted one.
@@ -73,8 +73,8 @@ class BagMessages {
 
   const BagFile& bag_;
   std::set<std::uint32_t> connections_;
-  std::uint64_t at_;          // of the next record in the file
-  std::uint64_t place_ = 0;   // of the record in the file being read
+  std::uint64_t at_;         // of the next record in the file
+  std::uint64_t place_ = 0;  // of the record in the file being read
   std::vector<std::uint8_t> header_, data_, chunk_;
   std::size_t in_chunk_ = 0;  // of the next record in the chunk
 };

@@ -9,7 +9,8 @@ namespace {
 
 constexpr std::array<std::string_view, 3> kEventTypes = {
     "dvs_msgs/EventArray", "prophesee_event_msgs/EventArray", "event_camera_msgs/EventPacket"};
-constexpr std::string_view kOdometryType = "nav_msgs/Odometry", kTransformType = "geometry_msgs/TransformStamped",
+constexpr std::string_view kOdometryType = "nav_msgs/Odometry",
+                           kTransformType = "geometry_msgs/TransformStamped",
                            kPoseType = "geometry_msgs/PoseStamped";
 
 Time get_stamp(ByteCursor& cursor) {

@@ -164,10 +164,11 @@ Recording::Resolution BagRecording::resolution() {
 
 void BagRecording::warn_of_damage(Diagnostics& diagnostics) const {
   if (!bag_->indexed() && !diagnostics.entries().contains("bag_without_index"))
-    diagnostics.warn("bag_without_index",
-                     fmt::format("{}: the bag has no index: its recorder was not stopped properly, or it is cut "
-                                 "off ('rosbag reindex' mends the former)",
-                                 bag_->file().name()));
+    diagnostics.warn(
+        "bag_without_index",
+        fmt::format("{}: the bag has no index: its recorder was not stopped properly, or it is cut "
+                    "off ('rosbag reindex' mends the former)",
+                    bag_->file().name()));
 }
 
 }  // namespace idol

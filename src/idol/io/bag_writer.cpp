@@ -149,9 +149,10 @@ BagWriter::BagWriter(const std::filesystem::path& path, const WriterOptions& opt
 
 /// Of fixed length, since it is written again at the end.
 void BagWriter::write_bag_header(std::uint64_t index_place, std::uint32_t connections) {
-  const Fields fields =
-      Fields(3).add("index_pos", index_place).add("conn_count", connections)
-          .add("chunk_count", static_cast<std::uint32_t>(chunks_.size()));
+  const Fields fields = Fields(3)
+                            .add("index_pos", index_place)
+                            .add("conn_count", connections)
+                            .add("chunk_count", static_cast<std::uint32_t>(chunks_.size()));
   Buffer record;
   put_record(record, fields, Buffer(kBagHeaderBytes - 8 - fields.bytes().size(), ' '));
   file_.write(record.data(), record.size());
@@ -159,9 +160,10 @@ void BagWriter::write_bag_header(std::uint64_t index_place, std::uint32_t connec
 
 void BagWriter::begin_message(std::uint32_t connection, Time stamp) {
   if (stamp < 0 || stamp / 1'000'000'000 > 0xffffffff)
-    throw DataError(fmt::format("the stamp {} s cannot be written to a ROS bag: ROS time begins at 0 and ends "
-                                "at 2^32 s",
-                                format_stamp(stamp)));
+    throw DataError(
+        fmt::format("the stamp {} s cannot be written to a ROS bag: ROS time begins at 0 and ends "
+                    "at 2^32 s",
+                    format_stamp(stamp)));
   message_.clear();
   put(message_, messages_[connection]);
   put_stamp(message_, stamp);
@@ -219,7 +221,8 @@ void BagWriter::finish_chunk() {
   ChunkInfo info{file_.place(), index_.begin()->second[0].time, index_.begin()->second[0].time, {}};
   const auto size = static_cast<std::uint32_t>(chunk_.size());
   Buffer records;
-  put_record(records, Fields(5).add("compression", codec_name(codec_)).add("size", size), compress(codec_, chunk_));
+  put_record(records, Fields(5).add("compression", codec_name(codec_)).add("size", size),
+             compress(codec_, chunk_));
   for (auto& [connection, entries] : index_) {
     const auto count = static_cast<std::uint32_t>(entries.size());
     Buffer data;
@@ -229,7 +232,8 @@ void BagWriter::finish_chunk() {
       info.first = std::min(info.first, entry.time);
       info.last = std::max(info.last, entry.time);
     }
-    put_record(records, Fields(4).add("ver", std::uint32_t{1}).add("conn", connection).add("count", count), data);
+    put_record(records, Fields(4).add("ver", std::uint32_t{1}).add("conn", connection).add("count", count),
+               data);
     info.counts[connection] = count;
   }
   file_.write(records.data(), records.size());
@@ -250,8 +254,11 @@ void BagWriter::close() {
       put(data, count);
     }
     put_record(records,
-               Fields(6).add("ver", std::uint32_t{1}).add("chunk_pos", chunk.place)
-                   .add_time("start_time", chunk.first).add_time("end_time", chunk.last)
+               Fields(6)
+                   .add("ver", std::uint32_t{1})
+                   .add("chunk_pos", chunk.place)
+                   .add_time("start_time", chunk.first)
+                   .add_time("end_time", chunk.last)
                    .add("count", static_cast<std::uint32_t>(chunk.counts.size())),
                data);
   }

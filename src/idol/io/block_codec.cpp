@@ -37,8 +37,8 @@ void decompress_lz4(Bytes block, std::size_t most, std::vector<std::uint8_t>& ou
     if (!full) make_room(out, used, most);
     std::size_t in = block.size() - eaten;
     std::size_t got = full ? 1 : out.size() - used;
-    wanted = LZ4F_decompress(context.get(), full ? &spare : out.data() + used, &got, block.data() + eaten, &in,
-                             nullptr);
+    wanted = LZ4F_decompress(context.get(), full ? &spare : out.data() + used, &got, block.data() + eaten,
+                             &in, nullptr);
     if (LZ4F_isError(wanted) != 0) throw BadBytes{kDamaged};
     if (full && got > 0) throw BadBytes{kTooLarge};
     used += got;

@@ -8,8 +8,8 @@
 
 namespace idol {
 
-/// A table: fields found through its list of offsets, absent ones have their default. Every offset is checked;
-/// throws BadBytes where one leads outside the buffer.
+/// A table: fields found through its list of offsets, absent ones have their default. Every offset is
+/// checked; throws BadBytes where one leads outside the buffer.
 class FlatTable {
  public:
   /// The root table of a buffer (without size prefix).

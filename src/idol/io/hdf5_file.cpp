@@ -46,13 +46,21 @@ void close(Hdf5Id id) {
 template <class T>
 Hdf5Id native_type();
 template <>
-Hdf5Id native_type<std::int64_t>() { return H5T_NATIVE_INT64; }
+Hdf5Id native_type<std::int64_t>() {
+  return H5T_NATIVE_INT64;
+}
 template <>
-Hdf5Id native_type<std::uint16_t>() { return H5T_NATIVE_UINT16; }
+Hdf5Id native_type<std::uint16_t>() {
+  return H5T_NATIVE_UINT16;
+}
 template <>
-Hdf5Id native_type<std::int8_t>() { return H5T_NATIVE_INT8; }
+Hdf5Id native_type<std::int8_t>() {
+  return H5T_NATIVE_INT8;
+}
 template <>
-Hdf5Id native_type<double>() { return H5T_NATIVE_DOUBLE; }
+Hdf5Id native_type<double>() {
+  return H5T_NATIVE_DOUBLE;
+}
 
 /// The library would print its errors.
 void prepare_library() {
@@ -100,8 +108,8 @@ Hdf5File::Hdf5File(const std::filesystem::path& path) : name_(path.string()) {
   H5Pset_file_locking(*access, false, true);  // some file systems know no locks, and nothing is written
   file_ = own_hdf5(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, *access));
   if (!file_)
-    throw DataError(
-        fmt::format("{}: cannot be opened as an HDF5 file: it is damaged, cut off, or was never closed", name_));
+    throw DataError(fmt::format(
+        "{}: cannot be opened as an HDF5 file: it is damaged, cut off, or was never closed", name_));
 }
 
 bool Hdf5File::has(const std::string& path) const {
@@ -120,7 +128,8 @@ Hdf5Column Hdf5File::column(const std::string& path) const {
   if (!column.dataset_) refuse("the data set is damaged");
   const auto type = own_hdf5(H5Dget_type(*column.dataset_));
   const H5T_class_t kind = type ? H5Tget_class(*type) : H5T_NO_CLASS;
-  if (kind != H5T_INTEGER && kind != H5T_FLOAT && kind != H5T_ENUM) refuse("the data set does not hold numbers");
+  if (kind != H5T_INTEGER && kind != H5T_FLOAT && kind != H5T_ENUM)
+    refuse("the data set does not hold numbers");
   const auto space = own_hdf5(H5Dget_space(*column.dataset_));
   const int rank = space ? H5Sget_simple_extent_ndims(*space) : -1;
   constexpr int kMostDimensions = 3;  // a matrix a row
@@ -129,7 +138,8 @@ Hdf5Column Hdf5File::column(const std::string& path) const {
   H5Sget_simple_extent_dims(*space, size.data(), nullptr);
   column.rows_ = size[0];
   constexpr hsize_t kWidest = 16;
-  if (size[1] == 0 || size[2] == 0 || size[1] > kWidest || size[2] > kWidest) refuse("its rows have another width");
+  if (size[1] == 0 || size[2] == 0 || size[1] > kWidest || size[2] > kWidest)
+    refuse("its rows have another width");
   column.width_ = size[1] * size[2];
   return column;
 }
@@ -158,10 +168,10 @@ void Hdf5Column::read_as(Hdf5Id type, std::uint64_t begin, std::size_t count, vo
   const auto memory = own_hdf5(H5Screate_simple(1, &points, nullptr));
   good = good && memory && H5Dread(*dataset_, type, *memory, *space, H5P_DEFAULT, out) >= 0;
   if (good) return;
-  throw DataError(
-      fmt::format("{}, row {}: cannot be read: the file is damaged or cut off, or compressed in a way that is "
-                  "not known here",
-                  name_, begin));
+  throw DataError(fmt::format(
+      "{}, row {}: cannot be read: the file is damaged or cut off, or compressed in a way that is "
+      "not known here",
+      name_, begin));
 }
 
 template <class T>

@@ -22,8 +22,8 @@ class Hdf5Column {
   [[nodiscard]] std::uint64_t rows() const { return rows_; }
   [[nodiscard]] std::uint64_t width() const { return width_; }
   [[nodiscard]] const std::string& name() const { return name_; }
-  /// Replaces `out` by `count` rows from `begin` on, converted; numbers beyond T's range become its ends. T is
-  /// std::int64_t, std::uint16_t, std::int8_t or double. Throws DataError on damage.
+  /// Replaces `out` by `count` rows from `begin` on, converted; numbers beyond T's range become its ends. T
+  /// is std::int64_t, std::uint16_t, std::int8_t or double. Throws DataError on damage.
   template <class T>
   void read(std::uint64_t begin, std::size_t count, std::vector<T>& out) const;
 

@@ -20,8 +20,8 @@ std::size_t replace(void* decoded, std::size_t size, std::size_t* buffer_size, v
   return size;
 }
 
-std::size_t decode_blosc(unsigned flags, std::size_t, const unsigned[], std::size_t bytes, std::size_t* buffer_size,
-                         void** buffer) {
+std::size_t decode_blosc(unsigned flags, std::size_t, const unsigned[], std::size_t bytes,
+                         std::size_t* buffer_size, void** buffer) {
   std::size_t size = 0;
   if ((flags & H5Z_FLAG_REVERSE) == 0 || blosc_cbuffer_validate(*buffer, bytes, &size) < 0) return 0;
   if (size == 0 || size > kLargestChunk) return 0;
@@ -37,7 +37,8 @@ std::size_t decode_blosc(unsigned flags, std::size_t, const unsigned[], std::siz
 /// h5py's: the third parameter is the size of a chunk, decoded.
 std::size_t decode_lzf(unsigned flags, std::size_t parameters, const unsigned values[], std::size_t bytes,
                        std::size_t* buffer_size, void** buffer) {
-  if ((flags & H5Z_FLAG_REVERSE) == 0 || parameters < 3 || values[2] == 0 || values[2] > kLargestChunk) return 0;
+  if ((flags & H5Z_FLAG_REVERSE) == 0 || parameters < 3 || values[2] == 0 || values[2] > kLargestChunk)
+    return 0;
   void* decoded = std::malloc(values[2]);
   if (decoded == nullptr) return 0;
   const unsigned size = lzf_decompress(*buffer, static_cast<unsigned>(bytes), decoded, values[2]);

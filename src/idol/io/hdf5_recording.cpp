@@ -28,10 +28,11 @@ const Hdf5Layout& layout_of(const Hdf5File& file) {
   if (file.has("prophesee")) return kM3ed;
   if (file.has("t_offset")) return kDsec;
   if (file.has("events/t")) return kTumVie;
-  throw DataError(fmt::format(
-      "{}: none of the layouts that are known: idol (idol convert), DSEC (/events, /t_offset), M3ED (/prophesee) "
-      "and TUM-VIE (/events)",
-      file.name()));
+  throw DataError(
+      fmt::format("{}: none of the layouts that are known: idol (idol convert), DSEC (/events, /t_offset), "
+                  "M3ED (/prophesee) "
+                  "and TUM-VIE (/events)",
+                  file.name()));
 }
 
 /// Units of a layout as nanoseconds; what is beyond the range of stamps stays so.
@@ -68,7 +69,8 @@ class Hdf5Source : public RowSource<Row> {
   /// To be called for each column. Throws DataError for rows of another width.
   void check(const Hdf5Column& column, std::uint64_t width, Diagnostics& diagnostics) {
     if (column.width() != width)
-      throw DataError(fmt::format("{}: rows of {} numbers where {} are expected", column.name(), column.width(), width));
+      throw DataError(
+          fmt::format("{}: rows of {} numbers where {} are expected", column.name(), column.width(), width));
     if (any_ && column.rows() != count_)
       diagnostics.warn("unequal_columns", fmt::format("{}: {} rows, others have {}; what all have is read",
                                                       column.name(), column.rows(), count_));
@@ -86,7 +88,8 @@ class Hdf5Source : public RowSource<Row> {
 
 class EventSource : public Hdf5Source<Event> {
  public:
-  EventSource(const Hdf5File& file, const std::string& group, const Hdf5Layout& layout, Diagnostics& diagnostics)
+  EventSource(const Hdf5File& file, const std::string& group, const Hdf5Layout& layout,
+              Diagnostics& diagnostics)
       : Hdf5Source(fmt::format("{}: /{}", file.name(), group)),
         t_(file.column(group + "/t")),
         x_(file.column(group + "/x")),
@@ -111,8 +114,7 @@ class EventSource : public Hdf5Source<Event> {
     const std::int64_t* t = stamps_.data();
     const std::uint16_t *x = xs_.data(), *y = ys_.data();
     const std::int8_t* p = ps_.data();
-    for (std::size_t i = 0; i < count; ++i)
-      rows[i] = {scaled(t[i], ns) + offset, x[i], y[i], p[i] > 0};
+    for (std::size_t i = 0; i < count; ++i) rows[i] = {scaled(t[i], ns) + offset, x[i], y[i], p[i] > 0};
   }
 
  private:
@@ -143,7 +145,8 @@ class ImuSource : public Hdf5Source<ImuSample> {
     accel_.read(begin, count, accels_);
     gyro_.read(begin, count, gyros_);
     for (std::size_t i = 0; i < count; ++i) {
-      const ImuSample sample{scaled(stamps_[i], ns_), Vec3(accels_.data() + 3 * i), Vec3(gyros_.data() + 3 * i)};
+      const ImuSample sample{scaled(stamps_[i], ns_), Vec3(accels_.data() + 3 * i),
+                             Vec3(gyros_.data() + 3 * i)};
       if (!(sample.accel.array().isNaN().all() && sample.gyro.array().isNaN().all())) rows.push_back(sample);
     }
   }
@@ -161,7 +164,8 @@ fs::path find_near(fs::path folder, const char* name) {
   if (folder.empty()) folder = ".";
   folder = fs::absolute(folder, ignored);
   for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (entry.is_directory(ignored) && fs::is_regular_file(entry.path() / name, ignored)) return entry.path() / name;
+    if (entry.is_directory(ignored) && fs::is_regular_file(entry.path() / name, ignored))
+      return entry.path() / name;
   for (int up = 0; up <= 3; ++up, folder = folder.parent_path())
     if (fs::is_regular_file(folder / name, ignored)) return folder / name;
   return {};
@@ -190,18 +194,20 @@ void read_poses(const Hdf5Column& t, std::int64_t ns, const std::vector<Hdf5Colu
 Hdf5Column column_of_width(const Hdf5File& file, const std::string& path, std::uint64_t width) {
   Hdf5Column column = file.column(path);
   if (column.width() != width)
-    throw DataError(fmt::format("{}: rows of {} numbers where {} are expected", column.name(), column.width(), width));
+    throw DataError(
+        fmt::format("{}: rows of {} numbers where {} are expected", column.name(), column.width(), width));
   return column;
 }
 
 Trajectory own_groundtruth(const Hdf5File& file) {
   Trajectory trajectory;
-  read_poses(column_of_width(file, "groundtruth/t", 1), 1,
-             {column_of_width(file, "groundtruth/position", 3), column_of_width(file, "groundtruth/orientation", 4)},
-             [&](Time t, std::size_t i, const auto& v, const std::string& where) {
-               const double* q = v[1].data() + 4 * i;
-               add_pose(trajectory, t, {Quat(q[3], q[0], q[1], q[2]), Vec3(v[0].data() + 3 * i)}, where);
-             });
+  read_poses(
+      column_of_width(file, "groundtruth/t", 1), 1,
+      {column_of_width(file, "groundtruth/position", 3), column_of_width(file, "groundtruth/orientation", 4)},
+      [&](Time t, std::size_t i, const auto& v, const std::string& where) {
+        const double* q = v[1].data() + 4 * i;
+        add_pose(trajectory, t, {Quat(q[3], q[0], q[1], q[2]), Vec3(v[0].data() + 3 * i)}, where);
+      });
   return trajectory;
 }
 
@@ -223,7 +229,10 @@ Trajectory m3ed_groundtruth(const Hdf5File& file) {
 }  // namespace
 
 Hdf5Recording::Hdf5Recording(const fs::path& path, StreamChoice choice)
-    : path_(path), choice_(std::move(choice)), file_(std::make_shared<Hdf5File>(path)), layout_(layout_of(*file_)) {
+    : path_(path),
+      choice_(std::move(choice)),
+      file_(std::make_shared<Hdf5File>(path)),
+      layout_(layout_of(*file_)) {
   for (const std::string& group : layout_.event_groups)
     if (file_->has(group + "/t")) groups_.push_back(group);
   if (!layout_.imu_group.empty()) return;
@@ -242,7 +251,8 @@ bool Hdf5Recording::has_imu() const { return imu_inside() || !imu_path_.empty();
 std::string Hdf5Recording::event_group() const {
   if (groups_.empty()) throw DataError(fmt::format("{}: holds no events", file_->name()));
   if (choice_.events.empty()) return groups_[0];
-  return groups_[*choose_stream(file_->name(), "groups with events", "--events-topic", groups_, choice_.events)];
+  return groups_[*choose_stream(file_->name(), "groups with events", "--events-topic", groups_,
+                                choice_.events)];
 }
 
 std::unique_ptr<RowSource<Event>> Hdf5Recording::events(Diagnostics& diagnostics) {
@@ -254,7 +264,7 @@ std::unique_ptr<RowSource<ImuSample>> Hdf5Recording::imu(Diagnostics& diagnostic
   if (imu_path_.extension() == ".bag") return BagRecording(imu_path_, choice_).imu(diagnostics);
   if (!imu_path_.empty()) return open_imu_text(imu_path_, kTumVieImu);
   throw DataError(fmt::format("{}: holds no IMU data{}", file_->name(),
-                              layout_.clock_offset       ? "; put DSEC's lidar_imu.bag beside it"
+                              layout_.clock_offset        ? "; put DSEC's lidar_imu.bag beside it"
                               : layout_.imu_group.empty() ? "; put TUM-VIE's imu_data.txt beside it"
                                                           : ""));
 }

@@ -20,8 +20,8 @@ struct Hdf5Layout {
   std::string imu_group = {}, accel = {}, gyro = {}, imu_t = {};
 };
 
-/// Choices are groups. DSEC keeps its IMU in a bag (lidar_imu.bag), TUM-VIE in a text file (imu_data.txt): each
-/// is looked for in the file's folder and near it.
+/// Choices are groups. DSEC keeps its IMU in a bag (lidar_imu.bag), TUM-VIE in a text file (imu_data.txt):
+/// each is looked for in the file's folder and near it.
 class Hdf5Recording : public Recording {
  public:
   /// Throws DataError if the file cannot be opened or has none of the layouts.

@@ -15,15 +15,25 @@ constexpr hsize_t kChunkRows = 1 << 16;
 template <class T>
 Hdf5Id stored_type();
 template <>
-Hdf5Id stored_type<std::int64_t>() { return H5T_NATIVE_INT64; }
+Hdf5Id stored_type<std::int64_t>() {
+  return H5T_NATIVE_INT64;
+}
 template <>
-Hdf5Id stored_type<std::uint16_t>() { return H5T_NATIVE_UINT16; }
+Hdf5Id stored_type<std::uint16_t>() {
+  return H5T_NATIVE_UINT16;
+}
 template <>
-Hdf5Id stored_type<std::uint8_t>() { return H5T_NATIVE_UINT8; }
+Hdf5Id stored_type<std::uint8_t>() {
+  return H5T_NATIVE_UINT8;
+}
 template <>
-Hdf5Id stored_type<double>() { return H5T_NATIVE_DOUBLE; }
+Hdf5Id stored_type<double>() {
+  return H5T_NATIVE_DOUBLE;
+}
 
-void append_vec3(std::vector<double>& values, const Vec3& v) { values.insert(values.end(), v.data(), v.data() + 3); }
+void append_vec3(std::vector<double>& values, const Vec3& v) {
+  values.insert(values.end(), v.data(), v.data() + 3);
+}
 
 }  // namespace
 
@@ -45,8 +55,8 @@ Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, const WriterOptions& o
 
 void Hdf5Writer::check(bool good) const {
   if (!good)
-    throw DataError(
-        fmt::format("{}: cannot be written: no such folder, no right to write there, or the disk is full", name_));
+    throw DataError(fmt::format(
+        "{}: cannot be written: no such folder, no right to write there, or the disk is full", name_));
 }
 
 Hdf5Handle Hdf5Writer::create(const std::string& path, Hdf5Id type, std::uint64_t width) {

@@ -43,6 +43,8 @@ void RandomFile::read(std::uint64_t offset, std::size_t size, std::vector<std::u
   }
 }
 
-std::string RandomFile::where(std::uint64_t offset) const { return fmt::format("{}, byte {}", name_, offset); }
+std::string RandomFile::where(std::uint64_t offset) const {
+  return fmt::format("{}, byte {}", name_, offset);
+}
 
 }  // namespace idol

@@ -44,11 +44,13 @@ constexpr KnownFormat kKnown[] = {
     {"% "sv, nullptr, "a Prophesee RAW file"},
 };
 
-/// What the first bytes of a file say; nullptr: text, or nothing known. Throws DataError if it cannot be read.
+/// What the first bytes of a file say; nullptr: text, or nothing known. Throws DataError if it cannot be
+/// read.
 const KnownFormat* known_format(const fs::path& path) {
   RawFile file(path);
-  const auto* found = std::find_if(std::begin(kKnown), std::end(kKnown),
-                                   [start = file.peek()](const KnownFormat& f) { return start.starts_with(f.magic); });
+  const auto* found =
+      std::find_if(std::begin(kKnown), std::end(kKnown),
+                   [start = file.peek()](const KnownFormat& f) { return start.starts_with(f.magic); });
   return found == std::end(kKnown) ? nullptr : found;
 }
 
@@ -59,7 +61,8 @@ std::vector<fs::path> recordings_in(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
     if (!entry.is_regular_file(ignored)) continue;
     try {
-      if (const KnownFormat* format = known_format(entry.path()); format != nullptr && format->open != nullptr)
+      if (const KnownFormat* format = known_format(entry.path());
+          format != nullptr && format->open != nullptr)
         found.push_back(entry.path());
     } catch (const DataError&) {
       // Empty, or not to be read: none.
@@ -127,7 +130,8 @@ std::unique_ptr<Recording> open_folder(const fs::path& folder, const StreamChoic
 void check_exists(const fs::path& path) {
   std::error_code error;
   if (!fs::exists(path, error))
-    throw DataError(fmt::format("{}: no such file or folder; give a recording's folder or file", path.string()));
+    throw DataError(
+        fmt::format("{}: no such file or folder; give a recording's folder or file", path.string()));
 }
 
 bool holds_recording(const fs::path& path) {

@@ -1,5 +1,5 @@
-// What a file or folder holds, stream by stream. One derived class a format; order, spans and packets are made of
-// it by StreamReader, for all formats alike.
+// What a file or folder holds, stream by stream. One derived class a format; order, spans and packets are
+// made of it by StreamReader, for all formats alike.
 #pragma once
 
 #include <cstdint>
@@ -37,9 +37,9 @@ class Recording {
   [[nodiscard]] virtual std::string format() const = 0;
   [[nodiscard]] virtual bool has_events() const = 0;
   [[nodiscard]] virtual bool has_imu() const = 0;
-  /// Each call begins a new pass over the stream; several may be open at a time. Throws DataError, naming what
-  /// there is instead, if the recording has no such stream, and UsageError if there are several and `choice`
-  /// names none of them. `diagnostics` must outlive the source.
+  /// Each call begins a new pass over the stream; several may be open at a time. Throws DataError, naming
+  /// what there is instead, if the recording has no such stream, and UsageError if there are several and
+  /// `choice` names none of them. `diagnostics` must outlive the source.
   virtual std::unique_ptr<RowSource<Event>> events(Diagnostics& diagnostics) = 0;
   virtual std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) = 0;
   /// Pose of the camera in the world, if the recording has it. Throws DataError if it is damaged.
@@ -61,8 +61,8 @@ void check_exists(const std::filesystem::path& path);
 /// Whether `path` is a folder, or a file of one of the binary formats: no table of text.
 bool holds_recording(const std::filesystem::path& path);
 
-/// Opens a recording, whatever its format: decided by content, not by name. A folder may be a recording of its
-/// own (text, ASL) or hold one file that is. Throws DataError.
+/// Opens a recording, whatever its format: decided by content, not by name. A folder may be a recording of
+/// its own (text, ASL) or hold one file that is. Throws DataError.
 std::unique_ptr<Recording> open_recording(const std::filesystem::path& path, const StreamChoice& choice = {});
 
 }  // namespace idol

@@ -12,8 +12,8 @@ namespace idol {
 class RecordingWriter {
  public:
   virtual ~RecordingWriter() = default;
-  /// Events and IMU samples, each stream in time order. Throws DataError if the disk refuses, or if the format
-  /// cannot hold a value.
+  /// Events and IMU samples, each stream in time order. Throws DataError if the disk refuses, or if the
+  /// format cannot hold a value.
   virtual void add(const Packet& packet) = 0;
   /// Poses of the camera in the world, at most once. False: the format has no place for them.
   virtual bool add_groundtruth(const Trajectory& truth) = 0;

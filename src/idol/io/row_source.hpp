@@ -37,8 +37,8 @@ class StreamPlace {
   [[nodiscard]] virtual double progress() const = 0;
 };
 
-/// The rows of one stream in the order of the file, in pieces, in bounded memory. Units are those of Event and
-/// ImuSample already; order and plausibility are judged by RowStream, for all formats alike.
+/// The rows of one stream in the order of the file, in pieces, in bounded memory. Units are those of Event
+/// and ImuSample already; order and plausibility are judged by RowStream, for all formats alike.
 template <class Row>
 class RowSource : public StreamPlace {
  public:

@@ -52,9 +52,9 @@ void RowRules::late_row(std::size_t i, Time t, Time previous, Time newest) {
                     "was reset",
                     place_.where(i), back_ms));
   }
-  diagnostics_.warn(
-      fmt::format("out_of_order_{}", row_name_),
-      fmt::format("{}: the stamp is {:.3f} ms before one already read; row dropped", place_.where(i), back_ms));
+  diagnostics_.warn(fmt::format("out_of_order_{}", row_name_),
+                    fmt::format("{}: the stamp is {:.3f} ms before one already read; row dropped",
+                                place_.where(i), back_ms));
 }
 
 void RowRules::refuse_jump(std::size_t i, Time previous, Time t) const {

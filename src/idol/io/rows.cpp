@@ -25,7 +25,8 @@ RowResult read_numbers(std::string_view line, const char* meaning, std::span<std
   const std::size_t count = split_columns(line, columns);
   if (is_binary(line)) return {RowStatus::kBroken, "binary data where a line of text is expected"};
   if (count != columns.size())
-    return {RowStatus::kColumns, fmt::format("{} columns where {} are expected ({})", count, columns.size(), meaning)};
+    return {RowStatus::kColumns,
+            fmt::format("{} columns where {} are expected ({})", count, columns.size(), meaning)};
   bool finite = true;
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const auto value = parse_double(columns[i]);

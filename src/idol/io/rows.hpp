@@ -22,7 +22,8 @@ class EventParser {
     std::uint32_t x = 0;
     std::uint32_t y = 0;
     p = parse_plain_stamp(p, end, event.t);
-    if (p == nullptr || !next_pixel(p, end, x) || !next_pixel(p, end, y) || x > kLargestPixel || y > kLargestPixel)
+    if (p == nullptr || !next_pixel(p, end, x) || !next_pixel(p, end, y) || x > kLargestPixel ||
+        y > kLargestPixel)
       return false;
     if (!skip_separators(p, end)) return false;
     if (*p == '-' && p + 1 != end && p[1] == '1') {
@@ -61,8 +62,8 @@ class EventParser {
 
 /// How a text file writes IMU samples. Units are m/s^2 and rad/s in all of them.
 struct ImuTextLayout {
-  const char* columns;              ///< their names, parted by blanks; the first seven are read
-  std::int64_t stamp_ns = 0;        ///< a unit of the stamps, which are whole numbers; 0: decimal seconds
+  const char* columns;        ///< their names, parted by blanks; the first seven are read
+  std::int64_t stamp_ns = 0;  ///< a unit of the stamps, which are whole numbers; 0: decimal seconds
   bool gyro_first = false;
 };
 constexpr ImuTextLayout kRpgImu{"t ax ay az gx gy gz"};

@@ -39,7 +39,8 @@ void StreamReader::Cursor<Row>::advance() {
 template <class Row>
 std::unique_ptr<StreamReader::Cursor<Row>> StreamReader::open(std::unique_ptr<RowSource<Row>> source,
                                                               RowCheck<Row> check) {
-  auto cursor = std::unique_ptr<Cursor<Row>>(new Cursor<Row>{{std::move(source), check, diagnostics_}, {}, {}});
+  auto cursor =
+      std::unique_ptr<Cursor<Row>>(new Cursor<Row>{{std::move(source), check, diagnostics_}, {}, {}});
   cursor->advance();
   if (!cursor->head) {
     if (cursor->damage) std::rethrow_exception(cursor->damage);
@@ -49,9 +50,7 @@ std::unique_ptr<StreamReader::Cursor<Row>> StreamReader::open(std::unique_ptr<Ro
 }
 
 StreamReader::StreamReader(std::unique_ptr<Recording> recording, const ReaderOptions& options)
-    : options_(options),
-      recording_(std::move(recording)),
-      imu_offset_(from_seconds(options.imu_offset_s)) {
+    : options_(options), recording_(std::move(recording)), imu_offset_(from_seconds(options.imu_offset_s)) {
   if (!(options.from_s >= 0) || !(options.to_s > options.from_s)) {
     throw UsageError(fmt::format("the span to read, {} to {} s, is empty or begins before the recording",
                                  options.from_s, options.to_s));
@@ -119,7 +118,8 @@ Time StreamReader::imu_begin() const {
 }
 
 Time StreamReader::imu_end() const {
-  return (options_.imu_near_events && first_event_ && events_over_ ? std::min(end_, last_event_ + 1) : end_) + kImuMargin;
+  return (options_.imu_near_events && first_event_ && events_over_ ? std::min(end_, last_event_ + 1) : end_) +
+         kImuMargin;
 }
 
 /// Appends the samples up to the first one after `until`; false if the packet is full before.
@@ -164,10 +164,11 @@ std::optional<Packet> StreamReader::end() const {
   if (events_) events_->stream.check_share();
   if (imu_) imu_->stream.check_share();
   if (events_ ? !first_event_ : !first_imu_) {
-    throw DataError(fmt::format("{}: no {} between {} and {} s after the recording's first stamp; choose "
-                                "another span",
-                                events_ ? events_->name() : imu_->name(),
-                                events_ ? "events" : "IMU samples", options_.from_s, options_.to_s));
+    throw DataError(
+        fmt::format("{}: no {} between {} and {} s after the recording's first stamp; choose "
+                    "another span",
+                    events_ ? events_->name() : imu_->name(), events_ ? "events" : "IMU samples",
+                    options_.from_s, options_.to_s));
   }
   return std::nullopt;
 }

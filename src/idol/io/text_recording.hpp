@@ -1,5 +1,5 @@
-// Recordings of text files: events.txt and imu.txt side by side, as in the RPG dataset, each plain or compressed,
-// or IMU and truth as EuRoC has them (the ASL layout).
+// Recordings of text files: events.txt and imu.txt side by side, as in the RPG dataset, each plain or
+// compressed, or IMU and truth as EuRoC has them (the ASL layout).
 #pragma once
 
 #include <filesystem>

@@ -23,19 +23,20 @@ Quat checked_quaternion(const TableRow& row, const Quat& q, const char* columns)
   constexpr double kTolerance =
       0.05;  // rounding leaves 1e-3 at most; beyond it the columns mean something else
   if (std::abs(q.norm() - 1.0) > kTolerance) {
-    row.refuse(fmt::format(
-        "the quaternion ({}) has length {:.3g}, not 1; are the columns in this order?", columns, q.norm()));
+    row.refuse(fmt::format("the quaternion ({}) has length {:.3g}, not 1; are the columns in this order?",
+                           columns, q.norm()));
   }
   return q.normalized();
 }
 
 Quat read_quaternion(const TableRow& row, std::size_t i) {
-  return checked_quaternion(
-      row, Quat(row.number(i + 3), row.number(i), row.number(i + 1), row.number(i + 2)), "qx qy qz qw");
+  return checked_quaternion(row, Quat(row.number(i + 3), row.number(i), row.number(i + 1), row.number(i + 2)),
+                            "qx qy qz qw");
 }
 
 Quat read_asl_quaternion(const TableRow& row) {
-  return checked_quaternion(row, Quat(row.number(4), row.number(5), row.number(6), row.number(7)), "qw qx qy qz");
+  return checked_quaternion(row, Quat(row.number(4), row.number(5), row.number(6), row.number(7)),
+                            "qw qx qy qz");
 }
 
 /// Whether the first line is of EuRoC's truth: "#timestamp, p_RS_R_x [m], ...".
