@@ -1,4 +1,5 @@
-// Event lines a second through the reader, plain and compressed, beside what the standard library would do.
+// Events a second through the reader: text, plain and compressed, beside what the standard library would do, and the
+// binary formats.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -12,6 +13,7 @@
 #include <string>
 
 #include "idol/io/reader.hpp"
+#include "idol/io/recording_writer.hpp"
 #include "idol/io/rows.hpp"
 
 namespace {
@@ -64,24 +66,51 @@ void count_lines(benchmark::State& state) {
   state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(recording().size()));
 }
 
-void reader(benchmark::State& state, const char* compressor) {
-  const File file(compressor);
-  if (!file.works()) return state.SkipWithError("compressor not installed");
+void read_all(benchmark::State& state, const std::filesystem::path& path) {
   idol::ReaderOptions options;
   options.width = 240;
   options.height = 180;
   options.need_imu = false;
   for (auto _ : state) {
-    const auto open = idol::open_reader(file.path(), options);
+    const auto open = idol::open_reader(path, options);
     std::size_t events = 0;
     while (const auto packet = open->next()) events += packet->events.size();
     if (events != kLines) return state.SkipWithError("events are missing");
   }
+}
+
+void reader(benchmark::State& state, const char* compressor) {
+  const File file(compressor);
+  if (!file.works()) return state.SkipWithError("compressor not installed");
+  read_all(state, file.path());
   count_lines(state);
 }
 BENCHMARK_CAPTURE(reader, plain, "")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(reader, zstd, "zstd -q")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(reader, gzip, "gzip")->Unit(benchmark::kMillisecond);
+
+/// The same recording in a binary format, read again and again: warm.
+void binary_reader(benchmark::State& state, const char* ending, bool compress) {
+  const File text("");
+  const std::filesystem::path path = text.path().string() + ending;
+  {
+    idol::ReaderOptions options;
+    options.need_imu = false;
+    const auto open = idol::open_reader(text.path(), options);
+    const auto writer = idol::create_recording(path, idol::format_of_name(path), {240, 180, compress});
+    while (const auto packet = open->next()) writer->add(*packet);
+    writer->close();
+  }
+  read_all(state, path);
+  std::filesystem::remove(path);
+  state.SetItemsProcessed(state.iterations() * kLines);
+}
+BENCHMARK_CAPTURE(binary_reader, bag, ".bag", false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(binary_reader, bag_lz4, ".bag", true)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(binary_reader, aedat4_lz4, ".aedat4", false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(binary_reader, aedat4_zstd, ".aedat4", true)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(binary_reader, hdf5, ".h5", false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(binary_reader, hdf5_zlib, ".h5", true)->Unit(benchmark::kMillisecond);
 
 /// Calls `parse(line_begin, line_end)` for each line of the text in memory.
 template <class Parse>
@@ -99,7 +128,7 @@ void each_line(benchmark::State& state, Parse parse) {
 }
 
 void rows_in_memory(benchmark::State& state) {
-  const idol::EventParser parser(240, 180);
+  const idol::EventParser parser;
   idol::Event event;
   each_line(state, [&](const char* p, const char* end) {
     benchmark::DoNotOptimize(parser.parse({p, static_cast<std::size_t>(end - p)}, event));

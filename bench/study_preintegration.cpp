@@ -11,6 +11,7 @@
 #include <string>
 
 #include "idol/io/row_stream.hpp"
+#include "idol/io/text_recording.hpp"
 #include "reference_preintegration.hpp"
 #include "sine_motion.hpp"
 
@@ -271,7 +272,7 @@ void print_damage() {
 
 std::vector<ImuSample> read_imu(const char* path) {
   Diagnostics diagnostics;
-  RowStream<ImuParser> stream(path, ImuParser(), diagnostics);
+  RowStream<ImuSample> stream(open_imu_text(path), {}, diagnostics);
   std::vector<ImuSample> samples;
   for (ImuSample s; stream.next(s);) samples.push_back(s);
   return samples;

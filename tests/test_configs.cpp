@@ -55,6 +55,30 @@ TEST(Configs, EveryPresetCanBePrintedAndReadBack) {
   }
 }
 
+TEST(Configs, CompletionAndManualKnowEveryCommand) {
+  const std::string help = run_idol("--help").out;
+  const std::string manual = read_text(fs::path(IDOL_CONFIG_DIR).parent_path() / "docs/idol.1");
+  const TempDir dir;
+  for (const std::string shell : {"bash", "zsh"}) {
+    const auto script = run_idol("completion " + shell);
+    ASSERT_EQ(script.status, 0) << script.err;
+    for (const std::string command : {"run", "convert", "info", "segment", "evaluate", "simulate", "preintegrate",
+                                      "report", "config", "completion"}) {
+      EXPECT_NE(help.find("  " + command + " "), std::string::npos) << command;
+      EXPECT_NE(script.out.find(command), std::string::npos) << command;
+      EXPECT_NE(manual.find("idol " + command), std::string::npos) << command << " is not in docs/idol.1";
+      EXPECT_NE(run_idol(command + " --help").out.find("Examples:"), std::string::npos) << command;
+    }
+    EXPECT_NE(script.out.find("--events-topic"), std::string::npos);
+  }
+  // Bash at least can be had everywhere: what follows "idol run --im".
+  const fs::path file = dir.write("completion.bash", run_idol("completion bash").out +
+                                      "COMP_WORDS=(idol run --im) COMP_CWORD=2\n_idol\necho \"${COMPREPLY[*]}\"\n");
+  const fs::path out = dir.path() / "out";
+  ASSERT_EQ(std::system(("bash " + file.string() + " >" + out.string()).c_str()), 0);
+  EXPECT_EQ(read_text(out), "--imu-rig --imu-topic --imu\n");
+}
+
 // What the README promises is what is there.
 TEST(Configs, ReadmeShowsTheExampleAndEveryPackage) {
   const fs::path root = fs::path(IDOL_CONFIG_DIR).parent_path();

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "idol/io/recording_summary.hpp"
+#include "recording_util.hpp"
 #include "test_util.hpp"
 
 namespace idol {
@@ -75,6 +76,16 @@ TEST(Info, ShowsWhatCameBeforeDamageAndFails) {
   expect_says(result.out, {"40000 in 4.000 s"});
   expect_says(result.err, {"events.txt:40001", "3 columns"});
   EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1);
+}
+
+TEST(Info, NamesFormatAndStreams) {
+  const TempDir dir;
+  test::write(dir.path() / "r.bag", {test::some_packet()}, false, test::some_truth());
+  const auto result = run_idol("info " + quoted(dir.path() / "r.bag") + " --rig " +
+                               quoted(std::filesystem::path(IDOL_CONFIG_DIR) / "rig_davis346.yaml"));
+  EXPECT_EQ(result.status, 0) << result.err;
+  expect_says(result.out, {"ROS 1 bag", "/dvs/events (dvs_msgs/EventArray, 1)", "/dvs/imu (sensor_msgs/Imu, 100)",
+                           "20 poses", "recorded with 240 x 180", "not measured on yours"});
 }
 
 TEST(Info, ExitStatus) {

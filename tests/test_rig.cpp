@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <sstream>
+
 #include "test_util.hpp"
 
 namespace idol {
@@ -223,6 +225,92 @@ TEST(Rig, ComesBackFromItsYaml) {
     EXPECT_LT((back.T_i_c.R() - rig.T_i_c.R()).norm(), 1e-14);
     EXPECT_LT((back.T_i_c.p - rig.T_i_c.p).norm(), 1e-14);
   }
+}
+
+TEST(Rig, OpenVins) {
+  const TempDir dir;
+  const std::string mount = R"(  T_imu_cam:
+  - [0.0, -1.0, 0.0, 0.2]
+  - [1.0, 0.0, 0.0, -0.1]
+  - [0.0, 0.0, 1.0, -0.3]
+  - [0.0, 0.0, 0.0, 1.0]
+)";
+  dir.write("kalibr_imucam_chain.yaml", "%YAML:1.0\n\ncam0:\n" + mount + kLens + kRest);
+  std::string imu = "%YAML:1.0\n\nimu0:\n";
+  std::istringstream lines(kImu);
+  for (std::string line; std::getline(lines, line);) imu += "  " + line + "\n";
+  dir.write("kalibr_imu_chain.yaml", imu);
+  expect_the_rig(load_rig(dir.path()));
+}
+
+const std::string kBasalt = R"({"value0": {
+  "T_imu_cam": [{"px": 0.2, "py": -0.1, "pz": -0.3, "qx": 0, "qy": 0, "qz": 0.7071067811865476, "qw": 0.7071067811865476}],
+  "intrinsics": [{"camera_type": "kb4", "intrinsics": {"fx": 199.5, "fy": 198.5, "cx": 132.25, "cy": 110.75,
+    "k1": -0.01, "k2": 0.02, "k3": -0.003, "k4": 0.0007}}],
+  "resolution": [[240, 180]],
+  "accel_noise_std": [0.01, 0.01, 0.01], "gyro_noise_std": [0.002, 0.002, 0.001],
+  "accel_bias_std": [0.001, 0.001, 0.001], "gyro_bias_std": 3e-5,
+  "imu_update_rate": 200.0, "cam_time_offset_ns": 2500000
+}})";
+
+TEST(Rig, Basalt) {
+  const TempDir dir;
+  const Rig rig = load_rig(dir.path(), dir.write("b.json", kBasalt));
+  EXPECT_EQ(rig.camera.distortion, Distortion::kEquidistant);
+  EXPECT_EQ(rig.camera.coeffs[3], 0.0007);
+  EXPECT_EQ(rig.camera.width, 240);
+  EXPECT_NEAR(rig.time_offset_s, 0.0025, 1e-12);
+  EXPECT_EQ(rig.imu.gyro_density, 0.002);
+  EXPECT_EQ(rig.imu.gyro_walk, 3e-5);
+  EXPECT_LT((rig.T_i_c * Vec3(0.1, 0.2, 0.3)).norm(), 1e-12);
+  const auto error = [&](const std::string& what, const std::string& by) {
+    return error_of([&] { load_rig(dir.path(), dir.write("b.json", replaced(kBasalt, what, by))); });
+  };
+  expect_says(error("\"kb4\"", "\"ds\""), {"b.json:3", "ds", "kb4"});
+  expect_says(error("\"qw\": 0.7", "\"qw\": 1.7"), {"b.json:2", "quaternion"});
+  expect_says(error("\"k2\": 0.02, ", ""), {"b.json", "k2"});
+}
+
+const std::string kInivation = R"(<?xml version="1.0"?>
+<opencv_storage>
+<DAVIS240C_00000042>
+  <camera_matrix type_id="opencv-matrix">
+    <rows>3</rows><cols>3</cols><dt>d</dt>
+    <data>
+      1.995e+02 0. 132.25 0. 198.5 110.75 0. 0. 1.</data></camera_matrix>
+  <distortion_coefficients type_id="opencv-matrix">
+    <rows>1</rows><cols>5</cols><dt>d</dt>
+    <data>
+      -0.36 0.15 -0.0003 -0.0007 0.</data></distortion_coefficients></DAVIS240C_00000042>
+<use_fisheye_model>0</use_fisheye_model>
+<image_width>240</image_width>
+<image_height>180</image_height>
+</opencv_storage>
+)";
+
+TEST(Rig, InivationLens) {
+  const TempDir dir;
+  const auto rest = dir.write("rest.yaml", "cam0:\n" + kMount + "  timeshift_cam_imu: 0.0025\n" + kImu);
+  dir.write("calibration.xml", kInivation);
+  expect_the_rig(load_rig(dir.path(), rest));
+  const auto error = [&](const std::string& what, const std::string& by) {
+    dir.write("calibration.xml", replaced(kInivation, what, by));
+    return error_of([&] { load_rig(dir.path(), rest); });
+  };
+  expect_says(error("198.5", "x"), {"calibration.xml:6", "not a finite number"});
+  expect_says(error("<image_height>180</image_height>", ""), {"calibration.xml", "image_height"});
+  expect_says(error("-0.0007 0.", "-0.0007 0. 0.1"), {"distortion"});
+  EXPECT_EQ(error("-0.0007 0.", "-0.0007 0. 0. 0. 0."), "");
+}
+
+TEST(Rig, ApproximateOnesGiveWayToACalibratedLens) {
+  const TempDir dir;
+  const std::filesystem::path config = std::filesystem::path(IDOL_CONFIG_DIR) / "rig_davis346.yaml";
+  Diagnostics diagnostics;
+  EXPECT_EQ(load_rig(dir.path(), config, {}, &diagnostics).camera.fx, 249);
+  EXPECT_EQ(diagnostics.entries().count("approximate_rig"), 1u);
+  dir.write("calibration.xml", replaced(kInivation, "1.995e+02", "3.1e+02"));
+  EXPECT_EQ(load_rig(dir.path(), config).camera.fx, 310);
 }
 
 TEST(Rig, BundledDavis240cFitsTheRealRecordings) {

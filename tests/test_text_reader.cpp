@@ -341,7 +341,8 @@ TEST(TextReader, FilesThatAreNoRecording) {
   expect_says(error("0.1 1 2 7\n"), {"events.txt:1", "polarity"});
   expect_says(error("1468939993067416019 1 2 1\n"), {"events.txt:1", "nanoseconds"});
   expect_says(error(std::string("0.1 1 2 0\n\x01\x02\x00\xff\n", 15)), {"events.txt:2", "binary"});
-  expect_says(error("#!AER-DAT4.0\r\n\x01\x02"), {"events.txt", "AEDAT"});
+  expect_says(error("#!AER-DAT4.0\r\n\x01\x02"), {"events.txt", "cut off"});
+  expect_says(error("#!AER-DAT3.1\r\n"), {"events.txt", "AEDAT"});
   expect_says(error("\x89HDF\r\n\x1a\n"), {"events.txt", "HDF5"});
   std::mt19937 rng(3);
   std::string garbage(1 << 20, '\0');

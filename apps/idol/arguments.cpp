@@ -53,6 +53,19 @@ void SpanArguments::declare(CLI::App& command) {
       ->check(CLI::NonNegativeNumber);
 }
 
+void StreamArguments::declare(CLI::App& command) {
+  constexpr const char* kGroup = "Streams (topics of a bag, streams of AEDAT 4, groups of HDF5)";
+  const auto add = [&](const char* option, std::string& name, const char* what) {
+    command.add_option(option, name, what)->group(kGroup)->type_name("NAME");
+  };
+  add("--events-topic", choice.events, "the events, where there are several");
+  add("--imu-topic", choice.imu, "the IMU, where there are several");
+  add("--truth-topic", choice.truth, "the ground truth, where there are several");
+  command.add_option("--imu", choice.imu_file, "take the IMU from this recording (file or folder) instead")
+      ->group(kGroup)
+      ->type_name("PATH");
+}
+
 bool interrupted() { return interrupt_count > 0; }
 void install_interrupt_handler() {
   std::signal(SIGINT, on_interrupt);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "idol/io/recording.hpp"
 #include "idol/odometry/odometry.hpp"
 
 namespace idol::cli {
@@ -24,6 +25,13 @@ struct OptionArguments {
 struct SpanArguments {
   double from_s = 0;
   double to_s = 1e30;
+
+  void declare(CLI::App& command);
+};
+
+/// Which streams of a recording: --events-topic, --imu-topic, --truth-topic and --imu.
+struct StreamArguments {
+  StreamChoice choice;
 
   void declare(CLI::App& command);
 };

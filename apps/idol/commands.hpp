@@ -12,9 +12,11 @@ void add_run(CLI::App& app, Action& action);
 void add_segment(CLI::App& app, Action& action);
 void add_evaluate(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
+void add_convert(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
 void add_preintegrate(CLI::App& app, Action& action);
 void add_report(CLI::App& app, Action& action);
+void add_completion(CLI::App& app, Action& action);
 void add_config(CLI::App& app, Action& action);
 
 }  // namespace idol::cli

@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/eval/evaluation_output.hpp"
+#include "idol/io/recording.hpp"
 #include "idol/io/trajectory_io.hpp"
 
 namespace idol::cli {
@@ -85,24 +86,39 @@ void write_json(const std::string& path, const std::string& json) {
   if (!out) throw DataError(fmt::format("{}: cannot be written; give a path in a writable folder", path));
 }
 
+/// Of a trajectory file, or of a recording.
+struct Truth {
+  Trajectory trajectory;
+  std::string name;
+  bool of_imu = false;
+};
+
+Truth read_truth(const fs::path& path) {
+  if (!holds_recording(path)) return {read(path), path.string()};
+  const auto recording = open_recording(path);
+  auto trajectory = recording->groundtruth();
+  if (!trajectory) throw DataError(fmt::format("{}: this recording has no ground truth", path.string()));
+  const auto file = fs::path(path) / "groundtruth.txt";
+  return {*trajectory, fs::exists(file) ? file.string() : path.string(), recording->truth_of_imu()};
+}
+
 int evaluate_command(Arguments a, const CLI::App& command) {
   sort_out_paths(a);
   const EvaluationOptions options = evaluation_options(a, command);
+  const Truth truth = read_truth(a.groundtruth);
   const fs::path estimate_path =
-      fs::is_directory(a.estimate) ? fs::path(a.estimate) / "trajectory_camera.txt" : fs::path(a.estimate);
-  const fs::path groundtruth_path =
-      fs::is_directory(a.groundtruth) ? fs::path(a.groundtruth) / "groundtruth.txt" : fs::path(a.groundtruth);
-  Evaluation evaluation;
+      fs::is_directory(a.estimate)
+          ? fs::path(a.estimate) / (truth.of_imu ? "trajectory_imu.txt" : "trajectory_camera.txt")
+          : fs::path(a.estimate);
   const Trajectory estimate = read(estimate_path);
-  const Trajectory groundtruth = read(groundtruth_path);
+  Evaluation evaluation;
   try {
-    evaluation = evaluate(estimate, groundtruth, options);
+    evaluation = evaluate(estimate, truth.trajectory, options);
   } catch (const DataError& e) {
-    throw DataError(
-        fmt::format("{} against {}: {}", estimate_path.string(), groundtruth_path.string(), e.what()));
+    throw DataError(fmt::format("{} against {}: {}", estimate_path.string(), truth.name, e.what()));
   }
   if (!a.json.empty()) write_json(a.json, evaluation_json(evaluation));
-  fmt::print("estimate {}\nground truth {}\n{}", estimate_path.string(), groundtruth_path.string(),
+  fmt::print("estimate {}\nground truth {}\n{}", estimate_path.string(), truth.name,
              evaluation_text(evaluation));
   return 0;
 }
@@ -115,7 +131,7 @@ void add_evaluate(CLI::App& app, Action& action) {
   command->add_option("ESTIMATE", a->estimate,
                       "Trajectory file, or a run's output folder (its trajectory_camera.txt)");
   command->add_option("GROUNDTRUTH", a->groundtruth,
-                      "Trajectory file, or a sequence folder (its groundtruth.txt)");
+                      "Trajectory file, or a recording of any format that holds ground truth");
   command->add_option("--protocol", a->protocols,
                       "idol, uslam, hku, full, sim3, segments; without it and --align: all");
   auto* align = command->add_option("--align", a->align, "Free alignment, reported as protocol 'custom'")
@@ -133,6 +149,9 @@ void add_evaluate(CLI::App& app, Action& action) {
   command->add_option("--json", a->json, "Write all figures to FILE")->type_name("FILE");
   command->add_flag("--interpolate", a->interpolate,
                     "Interpolate ground truth at the estimate's stamps instead of taking the nearest pose");
+  command->footer(
+      "Examples:\n  idol evaluate out shapes_6dof\n  idol evaluate out/trajectory_camera.txt truth.txt "
+      "--protocol full");
   command->callback([=, &action] { action = [=] { return evaluate_command(*a, *command); }; });
 }
 

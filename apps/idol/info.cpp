@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "arguments.hpp"
 #include "commands.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/io/reader.hpp"
@@ -17,6 +18,7 @@ namespace {
 
 struct InfoArguments {
   std::filesystem::path sequence, rig, imu_rig;
+  StreamArguments streams;
 };
 
 /// The calibration as far as there is one; an explicit file must be good.
@@ -64,6 +66,13 @@ std::string sparkline(const RateHistogram& rate) {
   for (const double height : heights)
     text += kBlocks[static_cast<std::size_t>(std::ceil(8 * height / tallest))];
   return text;
+}
+
+void print_streams(Recording& recording) {
+  fmt::print("format      {}\n", recording.format());
+  for (const StreamInfo& stream : recording.streams())
+    fmt::print("stream      {} ({}{})\n", stream.name, stream.what,
+               stream.count < 0 ? "" : fmt::format(", {}", stream.count));
 }
 
 double peak_rate(const RateHistogram& rate) {
@@ -115,11 +124,11 @@ void print_imu(const RecordingSummary& s, Time origin) {
                                            std::min(s.events.extent().last, s.imu.last))));
 }
 
-void print_groundtruth(const std::filesystem::path& sequence, Diagnostics& diagnostics) {
+void print_groundtruth(const InfoArguments& arguments, const RecordingSummary& s, Diagnostics& diagnostics) {
   std::optional<Trajectory> truth;
   try {
-    truth = read_groundtruth(sequence);
-  } catch (const DataError& e) {
+    truth = read_groundtruth(arguments.sequence, arguments.streams.choice);
+  } catch (const std::runtime_error& e) {  // DataError, UsageError
     diagnostics.warn("bad_groundtruth", e.what());
   }
   if (!truth) return;
@@ -127,6 +136,10 @@ void print_groundtruth(const std::filesystem::path& sequence, Diagnostics& diagn
   for (std::size_t i = 1; i < truth->size(); ++i) length += ((*truth)[i].T.p - (*truth)[i - 1].T.p).norm();
   fmt::print("truth       {} poses in {:.3f} s, {:.2f} m\n", truth->size(),
              seconds_between(truth->front().t, truth->back().t), length);
+  if (truth->front().t > s.events.extent().last || truth->back().t < s.events.extent().first)
+    diagnostics.warn("truth_elsewhere",
+                     fmt::format("ground truth is of {} to {} s, of no event's time: another clock?",
+                                 format_stamp(truth->front().t), format_stamp(truth->back().t)));
 }
 
 /// What will hurt a run, in words.
@@ -189,6 +202,7 @@ int info(const InfoArguments& arguments) {
   ReaderOptions reading;  // no sensor size: pixels outside are to be counted here, not refused
   reading.need_imu = false;
   reading.imu_if_present = true;
+  reading.choice = arguments.streams.choice;
   const auto reader = open_reader(arguments.sequence, reading);
   const Calibration calibration = find_calibration(arguments, diagnostics);
   RecordingSummary summary(calibration.camera ? calibration.camera->width : 0,
@@ -202,12 +216,20 @@ int info(const InfoArguments& arguments) {
   diagnostics.merge(reader->diagnostics());
   const Time origin = reader->first_stamp();
   fmt::print("recording   {}, first stamp {} s\n", arguments.sequence.string(), format_stamp(origin));
+  const auto recording = open_recording(arguments.sequence, arguments.streams.choice);
+  print_streams(*recording);
+  const auto [width, height] = recording->resolution();
+  if (width > 0 && calibration.camera && calibration.camera->width > 0 &&
+      (width != calibration.camera->width || height != calibration.camera->height))
+    diagnostics.warn("other_resolution",
+                     fmt::format("recorded with {} x {} pixels, but the calibration is for {} x {}", width,
+                                 height, calibration.camera->width, calibration.camera->height));
   if (summary.events.extent().count > 0) {
     const auto hot = summary.events.hot_pixels();
     print_events(summary, origin);
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
-    print_groundtruth(arguments.sequence, diagnostics);
+    print_groundtruth(arguments, summary, diagnostics);
     for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration)})
       for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
   }
@@ -224,11 +246,13 @@ void add_info(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<InfoArguments>();
   auto* command = app.add_subcommand("info", "Show what a recording holds, and what in it will hurt a run");
   command
-      ->add_option("SEQUENCE", arguments->sequence,
-                   "recording: a folder in the RPG layout, or a file of events")
+      ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
       ->required();
   command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  arguments->streams.declare(*command);
+  command->footer(
+      "Examples:\n  idol info recording.aedat4\n  idol info shapes_6dof --rig configs/rig_davis240c.yaml");
   command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 

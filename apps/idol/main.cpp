@@ -11,6 +11,11 @@ int main(int argc, char** argv) {
   CLI::App app{"idol: event-camera and IMU odometry with lines", "idol"};
   app.set_version_flag("--version", "idol " IDOL_VERSION);
   app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  idol info recording.bag --rig rig.yaml           what is in it, and what will hurt a run\n"
+      "  idol run  recording.bag --rig rig.yaml --out out\n"
+      "  idol convert recording.aedat4 recording.h5");
   app.failure_message([](const CLI::App*, const CLI::Error& e) {
     std::string reason = e.what();
     std::replace(reason.begin(), reason.end(), '\n', ' ');
@@ -21,10 +26,12 @@ int main(int argc, char** argv) {
   idol::cli::add_segment(app, action);
   idol::cli::add_evaluate(app, action);
   idol::cli::add_simulate(app, action);
+  idol::cli::add_convert(app, action);
   idol::cli::add_info(app, action);
   idol::cli::add_preintegrate(app, action);
   idol::cli::add_report(app, action);
   idol::cli::add_config(app, action);
+  idol::cli::add_completion(app, action);
   try {
     app.parse(argc, argv);
     return action();

@@ -9,6 +9,7 @@
 #include "idol/base/calibration_files.hpp"
 #include "idol/imu/preintegration.hpp"
 #include "idol/io/row_stream.hpp"
+#include "idol/io/text_recording.hpp"
 #include "idol/io/table.hpp"
 #include "idol/io/trajectory_io.hpp"
 
@@ -23,7 +24,7 @@ struct PreintegrateArguments {
 };
 
 std::vector<ImuSample> read_imu(const std::filesystem::path& path, Diagnostics& diagnostics) {
-  RowStream<ImuParser> stream(path, ImuParser(), diagnostics);
+  RowStream<ImuSample> stream(open_imu_text(path), {}, diagnostics);
   std::vector<ImuSample> samples;
   for (ImuSample sample; stream.next(sample);) samples.push_back(sample);
   if (samples.size() < 2)
@@ -42,7 +43,7 @@ std::vector<Time> read_times(const std::filesystem::path& path) {
 
 ImuNoise read_noise(const std::filesystem::path& path) {
   if (path.empty()) return {};
-  const auto noise = read_kalibr_file(path).imu;
+  const auto noise = read_calibration_file(path).imu;
   if (!noise)
     throw DataError(
         fmt::format("{}:1: no IMU noise in this file (accelerometer_noise_density and the other keys of "
@@ -180,6 +181,7 @@ void add_preintegrate(CLI::App& app, Action& action) {
   command->add_flag("--covariance", a->covariance,
                     "append the upper triangle of the covariance of (rotation, velocity, "
                     "position)");
+  command->footer("Examples:\n  idol preintegrate imu.txt --from 12.5 --at times.txt --method continuous");
   command->callback([&action, a] { action = [a] { return run_preintegration(*a); }; });
 }
 

@@ -31,6 +31,7 @@ struct RunArguments {
   bool live = false;
   OptionArguments options;
   SpanArguments span;
+  StreamArguments streams;
 };
 
 // Creates the folder, or clears it of an earlier run, whose results must not pass for those of this one.
@@ -169,7 +170,9 @@ Outcome estimate_and_write(Run& run) {
   summary.diagnostics.merge(run.reader.diagnostics());
   summary.diagnostics.merge(run.odometry.diagnostics());
   std::string figures;
-  if (run.odometry.started()) figures = judge_against_truth(run.arguments.sequence, out, summary.diagnostics);
+  if (run.odometry.started())
+    figures = judge_against_truth(run.arguments.sequence, run.arguments.streams.choice, run.rig.T_i_c, out,
+                                  summary.diagnostics);
   run.recorder.write_stats(run.odometry, summary);
   if (run.odometry.started()) {
     write_report(out);
@@ -200,6 +203,7 @@ int run(const RunArguments& arguments) {
   reading.to_s = arguments.span.to_s;
   reading.imu_offset_s = rig.time_offset_s;
   reading.imu_near_events = true;
+  reading.choice = arguments.streams.choice;
   const auto reader = open_reader(arguments.sequence, reading);
   prepare_output(arguments.out, options, rig);
 
@@ -223,7 +227,7 @@ int run(const RunArguments& arguments) {
 void add_run(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<RunArguments>();
   auto* command = app.add_subcommand("run", "Estimate trajectory and 3D lines of a recording");
-  command->add_option("SEQUENCE", arguments->sequence, "recording: a folder in the RPG layout")->required();
+  command->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")->required();
   command->add_option("--out", arguments->out, "folder for the results; created if missing")->required();
   command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
@@ -233,6 +237,12 @@ void add_run(CLI::App& app, Action& action) {
                     "play the recording in its own time, drop nothing, and measure the latency of each pose");
   arguments->options.declare(*command);
   arguments->span.declare(*command);
+  arguments->streams.declare(*command);
+  command->footer(
+      "Examples:\n"
+      "  idol run shapes_6dof --rig configs/rig_davis240c.yaml --out out\n"
+      "  idol run recording.bag --rig rig.yaml --from 5 --to 20 --out out\n"
+      "  idol run recording.aedat4 --rig rig.yaml --preset paper --set window.overlap=0 --out out");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

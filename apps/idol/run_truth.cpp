@@ -6,8 +6,6 @@
 #include <optional>
 
 #include "idol/eval/evaluation_output.hpp"
-#include "idol/io/reader.hpp"
-#include "idol/io/sequence_files.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 
@@ -35,13 +33,17 @@ std::string full_figures(const Evaluation& evaluation) {
 
 }  // namespace
 
-std::string judge_against_truth(const std::filesystem::path& sequence, const std::filesystem::path& out,
+std::string judge_against_truth(const std::filesystem::path& sequence, const StreamChoice& choice,
+                                const Pose& T_i_c, const std::filesystem::path& out,
                                 Diagnostics& diagnostics) {
   std::optional<Trajectory> truth;
   try {
-    truth = read_groundtruth(sequence);
+    const auto recording = open_recording(sequence, choice);
+    truth = recording->groundtruth();
     if (!truth) return {};
-  } catch (const DataError& e) {
+    if (recording->truth_of_imu())
+      for (StampedPose& pose : *truth) pose.T = pose.T * T_i_c;
+  } catch (const std::runtime_error& e) {  // DataError, UsageError
     diagnostics.warn("bad_groundtruth", fmt::format("{}; the run is not compared with it", e.what()));
     return {};
   }
@@ -51,9 +53,8 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const std
   try {
     evaluation = evaluate(estimate, *truth, {});
   } catch (const DataError& e) {
-    const auto file = find_stream_files(sequence_folder(sequence), "groundtruth.txt")[0];
-    diagnostics.warn("bad_groundtruth",
-                     fmt::format("{}: {}; the run is not compared with it", file.string(), e.what()));
+    diagnostics.warn("bad_groundtruth", fmt::format("{}: ground truth: {}; the run is not compared with it",
+                                                    sequence.string(), e.what()));
     return {};
   }
   write_trajectory(out / "groundtruth_camera.txt", part_of(*truth, estimate.front().t, estimate.back().t));

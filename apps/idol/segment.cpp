@@ -22,6 +22,7 @@ struct SegmentArguments {
   std::filesystem::path sequence, out, rig, pictures;
   OptionArguments options;
   SpanArguments span;
+  StreamArguments streams;
 };
 
 ReaderOptions reader_options(const SegmentArguments& arguments) {
@@ -29,6 +30,7 @@ ReaderOptions reader_options(const SegmentArguments& arguments) {
   reading.from_s = arguments.span.from_s;
   reading.to_s = arguments.span.to_s;
   reading.need_imu = false;
+  reading.choice = arguments.streams.choice;
   return reading;
 }
 
@@ -154,7 +156,7 @@ void add_segment(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("segment", "Cluster events into line segments; no IMU needed");
   command
       ->add_option("SEQUENCE", arguments->sequence,
-                   "recording: a folder in the RPG layout, or a file of events")
+                   "recording: a folder or file of any format that is read")
       ->required();
   command->add_option("--out", arguments->out, "text file: t x y p segment_id, -1 for none")->required();
   command->add_option("--rig", arguments->rig,
@@ -162,6 +164,8 @@ void add_segment(CLI::App& app, Action& action) {
   command->add_option("--pictures", arguments->pictures, "folder for pictures of the segments, ten a second");
   arguments->options.declare(*command);
   arguments->span.declare(*command);
+  arguments->streams.declare(*command);
+  command->footer("Examples:\n  idol segment recording.bag --out segments.txt --pictures pictures --to 2");
   command->callback([&action, arguments] { action = [arguments] { return segment(*arguments); }; });
 }
 

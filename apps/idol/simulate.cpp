@@ -5,6 +5,7 @@
 
 #include "arguments.hpp"
 #include "commands.hpp"
+#include "idol/io/text_recording_writer.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/sim/simulator.hpp"
@@ -97,22 +98,16 @@ int run_simulation(const SimulateArguments& arguments) {
   const SimulatorOptions options = make_options(arguments);
   const Spline motion = make_motion(arguments, scene, rig);
   const auto& out = arguments.out;
-  std::error_code error;
-  std::filesystem::create_directories(out, error);
-  if (error) throw DataError(fmt::format("{}: cannot be created: {}", out.string(), error.message()));
+  TextRecordingWriter recording(out, !arguments.plain_text);
   write_text_file(out / "camchain-imucam.yaml", rig_to_yaml(rig));
   write_true_lines(out / "lines_truth.csv", scene);
 
-  TextWriter events(out / (arguments.plain_text ? "events.txt" : "events.txt.zst"));
   TextWriter imu(out / "imu.txt"), bias(out / "imu_bias.txt"), truth(out / "imu_truth.txt");
   Trajectory camera;
   std::int64_t count = 0;
   SimulatorSinks sinks;
   sinks.events = [&](std::span<const Event> chunk) {
-    fmt::memory_buffer text;
-    for (const Event& e : chunk)
-      fmt::format_to(std::back_inserter(text), "{} {} {} {:d}\n", format_stamp(e.t), e.x, e.y, e.polarity);
-    events.write({text.data(), text.size()});
+    recording.add(chunk);
     count += std::ssize(chunk);
   };
   sinks.imu = [&](const ImuSample& s) { imu.write(format_stamp(s.t) + numbers({s.accel, s.gyro}, " ") + "\n"); };
@@ -126,7 +121,8 @@ int run_simulation(const SimulateArguments& arguments) {
   if (isatty(STDERR_FILENO) != 0)
     sinks.progress = [&](double t) { fmt::print(stderr, "\r{:6.2f} of {:.2f} s ", t, motion.duration()); };
   simulate(scene, motion, rig, options, sinks);
-  for (TextWriter* file : {&events, &imu, &bias, &truth}) file->close();
+  recording.close();
+  for (TextWriter* file : {&imu, &bias, &truth}) file->close();
   write_trajectory(out / "groundtruth.txt", camera);
   write_truth(out / "truth.yaml", arguments, rig, options, count, motion.duration());
   fmt::print("{} events in {:.2f} s, written to {}\n", count, motion.duration(), out.string());
@@ -161,6 +157,7 @@ void add_simulate(CLI::App& app, Action& action) {
   command->add_option("--dark", a->dark, "FROM TO: no events between these times [s]")->expected(2);
   command->add_flag("--no-noise", a->noiseless, "ideal sensors (biases stay)");
   command->add_flag("--plain", a->plain_text, "events.txt instead of events.txt.zst");
+  command->footer("Examples:\n  idol simulate scene.yaml --out recording --duration 10 --seed 3");
   command->callback([&action, a] { action = [a] { return run_simulation(*a); }; });
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/foreign_calibrations.hpp"
 #include "idol/base/yaml_file.hpp"
 
 namespace idol {
@@ -23,14 +24,6 @@ Distortion distortion_of(const YamlNode& node) {
   if (name == "none") return Distortion::kNone;
   node.refuse(
       fmt::format("'{}' is not supported; calibrate with radtan, equidistant or none", printable(name)));
-}
-
-int pixels(const YamlNode& node) {
-  const double value = node.number();
-  constexpr double kLargest = 8192;
-  if (value < 1 || value > kLargest || value != std::floor(value))
-    node.refuse("the resolution is two whole numbers, [width, height]");
-  return static_cast<int>(value);
 }
 
 Camera lens_of(const YamlNode& cam) {
@@ -101,34 +94,45 @@ ImuNoise noise_of(const YamlNode& imu) {
 
 }  // namespace
 
-KalibrFile read_kalibr_file(const std::filesystem::path& path) {
+int pixels_of(const YamlNode& node) {
+  const double value = node.number();
+  constexpr double kLargest = 8192;
+  if (value < 1 || value > kLargest || value != std::floor(value))
+    node.refuse("the resolution is two whole numbers, [width, height]");
+  return static_cast<int>(value);
+}
+
+CalibrationFile read_calibration_file(const std::filesystem::path& path) {
   const YamlNode root = YamlNode::load(path);
-  KalibrFile file;
+  if (root.has("value0")) return read_basalt_file(root);
+  CalibrationFile file;
   if (root.has("cam0")) {
     const YamlNode cam = root.at("cam0");
     if (cam.has("resolution")) {
       const YamlNode resolution = cam.at("resolution");
       const std::vector<YamlNode> size = resolution.items();
       if (size.size() != 2) resolution.refuse("the resolution is two whole numbers, [width, height]");
-      file.width = pixels(size[0]);
-      file.height = pixels(size[1]);
+      file.width = pixels_of(size[0]);
+      file.height = pixels_of(size[1]);
     }
     if (cam.has("intrinsics")) {
       file.camera = lens_of(cam);
       file.camera->width = file.width;
       file.camera->height = file.height;
     }
-    // Kalibr gives the IMU in the camera's frame.
+    // Kalibr gives the IMU in the camera's frame, OpenVINS the camera in the IMU's.
+    if (cam.has("T_imu_cam")) file.T_i_c = pose_of(cam.at("T_imu_cam"));
     if (cam.has("T_cam_imu")) file.T_i_c = pose_of(cam.at("T_cam_imu")).inverse();
     if (cam.has("timeshift_cam_imu")) file.time_offset_s = cam.at("timeshift_cam_imu").number();
   }
   const YamlNode imu = root.has("imu0") ? root.at("imu0") : root;
   for (const char* key : {"accelerometer_noise_density", "gyroscope_noise_density"})
     if (imu.has(key) && !file.imu) file.imu = noise_of(imu);
+  if (root.has("approximate")) file.approximate = root.at("approximate").text() == "true";
   if (!root.has("cam0") && !file.imu) {
     throw DataError(
         fmt::format("{}:1: neither 'cam0' nor IMU noise in this file; Kalibr's camchain-imucam.yaml or "
-                    "imu.yaml is expected",
+                    "imu.yaml, or Basalt's calibration.json, is expected",
                     path.string()));
   }
   return file;

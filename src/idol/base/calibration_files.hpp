@@ -1,4 +1,5 @@
-// The calibration files of Kalibr and of the RPG event-camera recordings, each read for what it holds.
+// Calibration files, each read for what it holds: Kalibr's (and OpenVINS', which are of the same kind), and
+// that of the RPG event-camera recordings. Others: foreign_calibrations.hpp.
 #pragma once
 
 #include <filesystem>
@@ -11,18 +12,25 @@
 
 namespace idol {
 
-/// What one Kalibr file holds of a rig: a camchain, an imu.yaml, or both in one file. Resolution and lens are
-/// apart, since a rig file may give the one and leave the other to calib.txt.
-struct KalibrFile {
+class YamlNode;
+
+/// What one file holds of a rig: a camchain, an imu.yaml, or both in one file. Resolution and lens are apart,
+/// since a rig file may give the one and leave the other to calib.txt.
+struct CalibrationFile {
   std::optional<Camera> camera;  ///< lens; its resolution is 0 x 0 if the file has none
   int width = 0, height = 0;     ///< 0: not in the file
   std::optional<Pose> T_i_c;
   std::optional<double> time_offset_s;
   std::optional<ImuNoise> imu;
+  bool approximate = false;  ///< typical of the sensor, not measured on this one
 };
 
-/// Reads what the file holds. Throws DataError with file and line for what it holds but makes no sense.
-KalibrFile read_kalibr_file(const std::filesystem::path& path);
+/// Number of pixels, as a whole number. Throws DataError.
+int pixels_of(const YamlNode& node);
+
+/// Reads what the file of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for what it
+/// holds but makes no sense.
+CalibrationFile read_calibration_file(const std::filesystem::path& path);
 
 /// RPG calib.txt: fx fy cx cy k1 k2 p1 p2 k3; resolution 0 x 0. Throws DataError.
 Camera read_rpg_calibration(const std::filesystem::path& path);

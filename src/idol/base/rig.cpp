@@ -8,6 +8,7 @@
 
 #include "idol/base/calibration_files.hpp"
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/foreign_calibrations.hpp"
 
 namespace idol {
 
@@ -15,13 +16,13 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The files that describe a recording's rig, with what the Kalibr one holds.
+/// The files that describe a recording's rig: one of a whole rig, with what it holds, and one of the lens alone.
 struct Sources {
   fs::path folder;
-  fs::path kalibr_path;  ///< empty: none
-  fs::path rpg_path;     ///< empty: none
-  bool rpg_first = false;
-  KalibrFile kalibr;
+  fs::path rig_path;   ///< Kalibr's or its like; empty: none
+  fs::path lens_path;  ///< RPG's or iniVation's; empty: none
+  bool lens_first = false;
+  CalibrationFile rig;
 };
 
 /// An RPG calibration starts with a number, a YAML file with a key.
@@ -37,15 +38,16 @@ Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
   if (!rig_path.empty()) {
     if (!fs::is_regular_file(rig_path))
       throw DataError(fmt::format("{}: no such rig file", rig_path.string()));
-    sources.rpg_first = is_rpg_calibration(rig_path);
-    (sources.rpg_first ? sources.rpg_path : sources.kalibr_path) = rig_path;
+    sources.lens_first = is_rpg_calibration(rig_path) || is_opencv_xml(rig_path);
+    (sources.lens_first ? sources.lens_path : sources.rig_path) = rig_path;
   }
   const auto take = [&](fs::path& place, const char* name) {
     if (place.empty() && fs::exists(sources.folder / name)) place = sources.folder / name;
   };
-  take(sources.kalibr_path, "camchain-imucam.yaml");
-  take(sources.rpg_path, "calib.txt");
-  if (!sources.kalibr_path.empty()) sources.kalibr = read_kalibr_file(sources.kalibr_path);
+  for (const char* name : {"camchain-imucam.yaml", "kalibr_imucam_chain.yaml", "calibration.json"})
+    take(sources.rig_path, name);
+  for (const char* name : {"calib.txt", "calibration.xml"}) take(sources.lens_path, name);
+  if (!sources.rig_path.empty()) sources.rig = read_calibration_file(sources.rig_path);
   return sources;
 }
 
@@ -56,12 +58,12 @@ void check_agreement(const Sources& sources, const Camera& a, const Camera& b) {
   throw DataError(
       fmt::format("{}: focal length {:.1f} px, but {:.1f} px in {}; take the lens (intrinsics, "
                   "distortion_*) out of the rig file to use calib.txt, or give a rig file of this camera",
-                  sources.kalibr_path.string(), a.fx, b.fx, sources.rpg_path.string()));
+                  sources.rig_path.string(), a.fx, b.fx, sources.lens_path.string()));
 }
 
 void find_resolution(const Sources& sources, Camera& camera, Diagnostics* diagnostics) {
-  camera.width = sources.kalibr.width;
-  camera.height = sources.kalibr.height;
+  camera.width = sources.rig.width;
+  camera.height = sources.rig.height;
   if (camera.width > 0) return;
   fs::path first;
   std::error_code no_images;
@@ -81,18 +83,21 @@ void find_resolution(const Sources& sources, Camera& camera, Diagnostics* diagno
       "assumed_resolution",
       fmt::format("{}: says nothing of the resolution; 240 x 180 assumed from the principal point. A "
                   "rig file with 'resolution' under 'cam0' settles it",
-                  sources.rpg_path.string()));
+                  sources.lens_path.string()));
 }
 
 std::optional<Camera> camera_of(const Sources& sources, Diagnostics* diagnostics) {
-  std::optional<Camera> rpg;
-  if (!sources.rpg_path.empty()) rpg = read_rpg_calibration(sources.rpg_path);
-  std::optional<Camera> camera = sources.kalibr.camera;
-  fs::path path = sources.kalibr_path;
-  if (rpg && camera && !sources.rpg_first) check_agreement(sources, *camera, *rpg);
-  if (rpg && (!camera || sources.rpg_first)) {
-    camera = rpg;
-    path = sources.rpg_path;
+  std::optional<Camera> lens;
+  if (!sources.lens_path.empty())
+    lens = is_opencv_xml(sources.lens_path) ? read_inivation_file(sources.lens_path)
+                                            : read_rpg_calibration(sources.lens_path);
+  std::optional<Camera> camera = sources.rig.camera;
+  fs::path path = sources.rig_path;
+  const bool lens_first = sources.lens_first || sources.rig.approximate;
+  if (lens && camera && !lens_first) check_agreement(sources, *camera, *lens);
+  if (lens && (!camera || lens_first)) {
+    camera = lens;
+    path = sources.lens_path;
   }
   if (!camera) return std::nullopt;
   if (camera->width == 0) find_resolution(sources, *camera, diagnostics);
@@ -109,7 +114,7 @@ std::optional<Camera> camera_of(const Sources& sources, Diagnostics* diagnostics
 
 ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
   const auto read = [](const fs::path& path) {
-    const KalibrFile file = read_kalibr_file(path);
+    const CalibrationFile file = read_calibration_file(path);
     if (!file.imu) {
       throw DataError(
           fmt::format("{}:1: no IMU noise in this file (accelerometer_noise_density and the other keys of "
@@ -119,13 +124,14 @@ ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
     return *file.imu;
   };
   if (!imu_path.empty()) return read(imu_path);
-  if (sources.kalibr.imu) return *sources.kalibr.imu;
-  for (const fs::path& folder : {sources.folder, sources.kalibr_path.parent_path()})
-    if (fs::exists(folder / "imu.yaml")) return read(folder / "imu.yaml");
+  if (sources.rig.imu) return *sources.rig.imu;
+  for (const fs::path& folder : {sources.folder, sources.rig_path.parent_path()})
+    for (const char* name : {"imu.yaml", "kalibr_imu_chain.yaml"})
+      if (fs::exists(folder / name)) return read(folder / name);
   throw DataError(
       fmt::format("{}: no IMU noise: neither here nor in an imu.yaml beside the recording; give Kalibr's "
                   "imu.yaml with --imu-rig, or add its keys to this file",
-                  sources.kalibr_path.string()));
+                  sources.rig_path.string()));
 }
 
 }  // namespace
@@ -133,35 +139,40 @@ ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
 Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path& imu_path,
              Diagnostics* diagnostics) {
   const Sources sources = find_sources(sequence, rig_path);
-  if (sources.kalibr_path.empty() && sources.rpg_path.empty()) {
+  if (sources.rig_path.empty() && sources.lens_path.empty()) {
     throw DataError(
         fmt::format("{}: no calibration here (camchain-imucam.yaml, or calib.txt for the camera); give a "
                     "rig file with --rig",
                     sources.folder.string()));
   }
-  if (!sources.kalibr.T_i_c) {
-    const fs::path& path = sources.kalibr_path.empty() ? sources.rpg_path : sources.kalibr_path;
+  if (!sources.rig.T_i_c) {
+    const fs::path& path = sources.rig_path.empty() ? sources.lens_path : sources.rig_path;
     throw DataError(
         fmt::format("{}:1: no extrinsics: where the camera sits on the IMU (cam0: T_cam_imu) is not said; "
                     "give a rig file that has it with --rig",
                     path.string()));
   }
   Rig rig;
-  rig.T_i_c = *sources.kalibr.T_i_c;
-  rig.time_offset_s = sources.kalibr.time_offset_s.value_or(0.0);
+  rig.T_i_c = *sources.rig.T_i_c;
+  rig.time_offset_s = sources.rig.time_offset_s.value_or(0.0);
   const std::optional<Camera> camera = camera_of(sources, diagnostics);
   if (!camera) {
     throw DataError(
         fmt::format("{}:1: no lens: neither 'intrinsics' under 'cam0' nor a calib.txt beside the recording",
-                    sources.kalibr_path.string()));
+                    sources.rig_path.string()));
   }
   if (camera->width == 0) {
     throw DataError(
         fmt::format("{}:1: the sensor's resolution is not known; add 'resolution: [width, height]' under "
                     "'cam0'",
-                    sources.kalibr_path.string()));
+                    sources.rig_path.string()));
   }
   rig.camera = *camera;
+  if (sources.rig.approximate && diagnostics != nullptr)
+    diagnostics->warn("approximate_rig",
+                      fmt::format("{}: typical of this sensor, not measured on yours: expect a trajectory of roughly "
+                                  "the right shape, and calibrate for more",
+                                  sources.rig_path.string()));
   rig.imu = imu_of(sources, imu_path);
   return rig;
 }

@@ -17,8 +17,10 @@ YamlNode YamlNode::load(const std::filesystem::path& path) {
   std::stringstream content;
   if (!in || !(content << in.rdbuf()) || content.str().empty())
     throw DataError(fmt::format("{}: cannot be read, or is empty", name));
+  std::string text = content.str();
+  if (text.starts_with("%YAML:")) text[0] = '#';  // OpenCV's first line, which is not YAML
   try {
-    YAML::Node root = YAML::Load(content.str());
+    YAML::Node root = YAML::Load(text);
     if (!root.IsMap()) throw DataError(fmt::format("{}:1: not a YAML file of 'key: value' lines", name));
     return {root, name, ""};
   } catch (const YAML::Exception& e) {

@@ -17,6 +17,7 @@ class YamlNode {
   static YamlNode load(const std::filesystem::path& path);
 
   [[nodiscard]] bool has(const std::string& key) const;
+  [[nodiscard]] bool is_list() const { return node_.IsSequence(); }
   /// The value of a key of this map. Throws DataError if it is not there.
   [[nodiscard]] YamlNode at(const std::string& key) const;
   /// The value as a finite number, as text, as a list of finite numbers, as its items. Each throws DataError.

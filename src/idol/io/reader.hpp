@@ -3,14 +3,12 @@
 
 #include <cstddef>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/types.hpp"
+#include "idol/io/recording.hpp"
 
 namespace idol {
 
@@ -21,10 +19,12 @@ struct ReaderOptions {
   double to_s = 1e30;
   bool need_imu = true;         ///< false: events alone
   bool imu_if_present = false;  ///< with need_imu false: the IMU too, where there is one
+  bool need_events = true;      ///< false: the IMU alone, where there are no events
   double imu_offset_s = 0;      ///< t_imu = t_camera + offset: which IMU samples lie beside which events
   bool imu_near_events =
       false;  ///< leave out the IMU of more than 0.1 s before the first and after the last event
   std::size_t packet_events = 16384;
+  StreamChoice choice = {};  ///< where the recording has several streams of a kind
 };
 
 /// A recording being read. next() yields packets until the end, then nullopt; on damage it throws
@@ -45,13 +45,12 @@ class Reader {
   [[nodiscard]] virtual const Diagnostics& diagnostics() const = 0;
 };
 
-/// Throws DataError unless there is a file or folder at `path`.
-void check_exists(const std::filesystem::path& path);
-
-/// Opens a recording, whatever its format (by content). Throws DataError.
+/// Opens a recording, whatever its format (by content). Throws DataError, and UsageError for an empty span or
+/// when one of several streams must be chosen.
 std::unique_ptr<Reader> open_reader(const std::filesystem::path& path, const ReaderOptions& options);
 
-/// Ground truth that lies beside the recording (pose of the camera), if any.
-std::optional<Trajectory> read_groundtruth(const std::filesystem::path& sequence);
+/// Ground truth of the recording (pose of the camera), if any: in it, or beside it.
+std::optional<Trajectory> read_groundtruth(const std::filesystem::path& sequence,
+                                           const StreamChoice& choice = {});
 
 }  // namespace idol

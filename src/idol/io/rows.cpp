@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
+#include <utility>
 
 #include "idol/base/diagnostics.hpp"
 
@@ -16,17 +18,17 @@ bool is_binary(std::string_view line) {
                      [](char c) { return (static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7f; });
 }
 
-/// Splits the line into exactly N columns and reads all as numbers.
-template <std::size_t N>
-RowResult read_numbers(std::string_view line, const char* meaning, std::array<std::string_view, N>& columns,
-                       std::array<double, N>& values) {
+/// Splits the line into exactly as many columns as there is room for and reads all as numbers.
+RowResult read_numbers(std::string_view line, const char* meaning, std::span<std::string_view> columns,
+                       std::span<double> values) {
   if (is_blank_or_comment(line)) return {RowStatus::kNothing};
   const std::size_t count = split_columns(line, columns);
   if (is_binary(line)) return {RowStatus::kBroken, "binary data where a line of text is expected"};
-  if (count != N)
-    return {RowStatus::kColumns, fmt::format("{} columns where {} are expected ({})", count, N, meaning)};
+  if (count != columns.size())
+    return {RowStatus::kColumns,
+            fmt::format("{} columns where {} are expected ({})", count, columns.size(), meaning)};
   bool finite = true;
-  for (std::size_t i = 0; i < N; ++i) {
+  for (std::size_t i = 0; i < columns.size(); ++i) {
     const auto value = parse_double(columns[i]);
     if (!value)
       return {RowStatus::kBroken, fmt::format("'{}' is not a number ({})", printable(columns[i]), meaning)};
@@ -41,6 +43,18 @@ RowResult bad_stamp(std::string_view token) {
   return {
       RowStatus::kBroken,
       fmt::format("'{}' cannot be a stamp in seconds; are these micro- or nanoseconds?", printable(token))};
+}
+
+/// A whole number of units of `ns` nanoseconds; also with a fraction, as some programs write it.
+std::optional<Time> parse_units(std::string_view token, std::int64_t ns) {
+  if (const auto whole = parse_integer(token)) {
+    if (*whole > kLargestStamp / ns || *whole < -(kLargestStamp / ns)) return std::nullopt;
+    return *whole * ns;
+  }
+  const auto value = parse_double(token);
+  const double stamp = value ? *value * static_cast<double>(ns) : NAN;
+  if (!(std::abs(stamp) <= static_cast<double>(kLargestStamp))) return std::nullopt;
+  return std::llround(stamp);
 }
 
 }  // namespace
@@ -61,27 +75,24 @@ RowResult EventParser::explain(std::string_view line, Event& event) const {
   }
   if (polarity != 0 && polarity != 1 && polarity != -1)
     return {RowStatus::kBroken, fmt::format("polarity '{}' is none of 0, 1, -1", printable(columns[3]))};
-  if (!(x >= 0 && x < width_ && y >= 0 && y < height_)) {
-    return {RowStatus::kOutside,
-            fmt::format("pixel ({}, {}) lies outside the sensor of {} x {}", x, y, width_, height_)};
-  }
+  if (!(x >= 0 && x <= kLargestPixel && y >= 0 && y <= kLargestPixel))
+    return {RowStatus::kOutside, fmt::format("pixel ({}, {}) lies outside any sensor", x, y)};
   event = {*t, static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), polarity > 0};
   return {};
 }
 
 RowResult ImuParser::explain(std::string_view line, ImuSample& sample) const {
-  std::array<std::string_view, 7> columns;
-  std::array<double, 7> v;
-  if (RowResult result = read_numbers(line, "t ax ay az gx gy gz", columns, v);
+  std::array<std::string_view, 8> columns;
+  std::array<double, 8> v;
+  const std::size_t count = split_columns(layout_.columns, {});
+  if (RowResult result =
+          read_numbers(line, layout_.columns, std::span(columns).first(count), std::span(v).first(count));
       result.status != RowStatus::kGood)
     return result;
-  const auto t = parse_stamp(columns[0]);
+  const auto t = layout_.stamp_ns == 0 ? parse_stamp(columns[0]) : parse_units(columns[0], layout_.stamp_ns);
   if (!t) return bad_stamp(columns[0]);
-  // Whatever the unit is; such numbers only come from damage.
-  constexpr double kBeyondAnySensor = 1e5;
-  if (std::any_of(v.begin() + 1, v.end(), [](double value) { return std::abs(value) > kBeyondAnySensor; }))
-    return {RowStatus::kNotFinite, "a value is beyond any sensor's range"};
   sample = {*t, Vec3(v[1], v[2], v[3]), Vec3(v[4], v[5], v[6])};
+  if (layout_.gyro_first) std::swap(sample.accel, sample.gyro);
   return {};
 }
 

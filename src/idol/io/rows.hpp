@@ -2,42 +2,18 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <string_view>
 
 #include "idol/base/types.hpp"
 #include "idol/io/number.hpp"
+#include "idol/io/row_source.hpp"
 
 namespace idol {
-
-enum class RowStatus {
-  kGood,
-  kNothing,    ///< blank line or comment
-  kNotFinite,  ///< NaN or infinite: may be skipped when rare
-  kOutside,    ///< pixel outside the sensor: may be skipped when rare
-  kColumns,    ///< wrong number of columns
-  kBroken,     ///< a column is not a number, or one that makes no sense
-};
-
-/// What a row is and, unless it is good, why.
-struct RowResult {
-  RowStatus status = RowStatus::kGood;
-  std::string why = {};
-};
 
 /// "t x y polarity", polarity 0 or -1 for darker, 1 for brighter.
 class EventParser {
  public:
   using Row = Event;
-  static constexpr const char* kName = "event";
-  static constexpr bool kEqualStampsAllowed = true;
-
-  EventParser() = default;
-  /// A sensor of `width` x `height` pixels; zero where unknown.
-  EventParser(int width, int height) {
-    if (width > 0) width_ = static_cast<std::uint32_t>(width);
-    if (height > 0) height_ = static_cast<std::uint32_t>(height);
-  }
 
   /// The row in its usual form; false if it must be looked at with explain().
   bool parse(std::string_view line, Event& event) const {
@@ -46,7 +22,8 @@ class EventParser {
     std::uint32_t x = 0;
     std::uint32_t y = 0;
     p = parse_plain_stamp(p, end, event.t);
-    if (p == nullptr || !next_pixel(p, end, x) || !next_pixel(p, end, y) || x >= width_ || y >= height_)
+    if (p == nullptr || !next_pixel(p, end, x) || !next_pixel(p, end, y) || x > kLargestPixel ||
+        y > kLargestPixel)
       return false;
     if (!skip_separators(p, end)) return false;
     if (*p == '-' && p + 1 != end && p[1] == '1') {
@@ -80,19 +57,29 @@ class EventParser {
     return p != start;
   }
 
-  std::uint32_t width_ = 1 << 16;
-  std::uint32_t height_ = 1 << 16;
+  static constexpr std::uint32_t kLargestPixel = 0xffff;
 };
 
-/// "t ax ay az gx gy gz" [s, m/s^2, rad/s].
+/// How a text file writes IMU samples. Units are m/s^2 and rad/s in all of them.
+struct ImuTextLayout {
+  const char* columns;        ///< their names, parted by blanks; the first seven are read
+  std::int64_t stamp_ns = 0;  ///< a unit of the stamps, which are whole numbers; 0: decimal seconds
+  bool gyro_first = false;
+};
+constexpr ImuTextLayout kRpgImu{"t ax ay az gx gy gz"};
+constexpr ImuTextLayout kAslImu{"t[ns] wx wy wz ax ay az", 1, true};
+constexpr ImuTextLayout kTumVieImu{"t[us] gx gy gz ax ay az temperature", 1000, true};
+
 class ImuParser {
  public:
   using Row = ImuSample;
-  static constexpr const char* kName = "imu";
-  static constexpr bool kEqualStampsAllowed = false;
 
+  ImuParser(const ImuTextLayout& layout = kRpgImu) : layout_(layout) {}
   bool parse(std::string_view, ImuSample&) const { return false; }
   RowResult explain(std::string_view line, ImuSample& sample) const;
+
+ private:
+  ImuTextLayout layout_;
 };
 
 }  // namespace idol

@@ -1,11 +1,8 @@
 #include "idol/io/text_writer.hpp"
 
 #include <fmt/format.h>
-
 #include <zstd.h>
 
-#include <cerrno>
-#include <cstring>
 #include <vector>
 
 #include "idol/base/diagnostics.hpp"
@@ -38,34 +35,21 @@ class TextWriter::Compressor {
   std::vector<char> buffer_ = std::vector<char>(ZSTD_CStreamOutSize());
 };
 
-TextWriter::TextWriter(const std::filesystem::path& path)
-    : name_(path.string()), file_(std::fopen(path.c_str(), "wb")) {
-  if (!file_) refuse();
+TextWriter::TextWriter(const std::filesystem::path& path) : file_(path) {
   if (path.extension() == ".zst") compressor_ = std::make_unique<Compressor>();
 }
 
 TextWriter::~TextWriter() = default;
 
-void TextWriter::put(const void* data, std::size_t size) {
-  if (std::fwrite(data, 1, size, file_.get()) != size) refuse();
-}
-
 void TextWriter::write(std::string_view text) {
-  if (!compressor_) return put(text.data(), text.size());
-  compressor_->run(text, false, [&](const char* data, std::size_t size) { put(data, size); });
+  if (!compressor_) return file_.write(text.data(), text.size());
+  compressor_->run(text, false, [&](const char* data, std::size_t size) { file_.write(data, size); });
 }
 
 void TextWriter::close() {
-  if (compressor_) compressor_->run({}, true, [&](const char* data, std::size_t size) { put(data, size); });
-  if (std::fflush(file_.get()) != 0) refuse();
-  if (std::fclose(file_.release()) != 0) refuse();
-}
-
-void TextWriter::refuse() const {
-  const int reason = errno;
-  throw DataError(fmt::format("{}: cannot be written: {}; {}", name_, std::strerror(reason),
-                              reason == ENOSPC || reason == EDQUOT ? "free some space, or write elsewhere"
-                                                                   : "give a path that can be written"));
+  if (compressor_)
+    compressor_->run({}, true, [&](const char* data, std::size_t size) { file_.write(data, size); });
+  file_.close();
 }
 
 void write_text_file(const std::filesystem::path& path, std::string_view text) {

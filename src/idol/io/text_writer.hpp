@@ -1,11 +1,11 @@
 // Writing text to disk and noticing when the disk refuses.
 #pragma once
 
-#include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <string>
 #include <string_view>
+
+#include "idol/io/file_writer.hpp"
 
 namespace idol {
 
@@ -23,14 +23,8 @@ class TextWriter {
 
  private:
   class Compressor;
-  void put(const void* data, std::size_t size);
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  [[noreturn]] void refuse() const;
 
-  std::string name_;
-  std::unique_ptr<std::FILE, Close> file_;
+  FileWriter file_;
   std::unique_ptr<Compressor> compressor_;
 };
 

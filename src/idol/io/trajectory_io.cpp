@@ -4,8 +4,10 @@
 
 #include <cmath>
 #include <string>
+#include <string_view>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/io/line_reader.hpp"
 #include "idol/io/table.hpp"
 #include "idol/io/text_writer.hpp"
 
@@ -13,17 +15,35 @@ namespace idol {
 namespace {
 
 constexpr const char* kTumHeader = "t tx ty tz qx qy qz qw";
+// EuRoC's state_groundtruth_estimate0/data.csv; stamps in ns.
+constexpr const char* kAslHeader = "t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,bwx,bwy,bwz,bax,bay,baz";
 constexpr const char* kStatesHeader = "t,px,py,pz,vx,vy,vz,qx,qy,qz,qw,bgx,bgy,bgz,bax,bay,baz";
 
-Quat read_quaternion(const TableRow& row, std::size_t i) {
-  const Quat q(row.number(i + 3), row.number(i), row.number(i + 1), row.number(i + 2));
+Quat checked_quaternion(const TableRow& row, const Quat& q, const char* columns) {
   constexpr double kTolerance =
       0.05;  // rounding leaves 1e-3 at most; beyond it the columns mean something else
   if (std::abs(q.norm() - 1.0) > kTolerance) {
-    row.refuse(fmt::format(
-        "the quaternion (qx qy qz qw) has length {:.3g}, not 1; are the columns in this order?", q.norm()));
+    row.refuse(fmt::format("the quaternion ({}) has length {:.3g}, not 1; are the columns in this order?",
+                           columns, q.norm()));
   }
   return q.normalized();
+}
+
+Quat read_quaternion(const TableRow& row, std::size_t i) {
+  return checked_quaternion(row, Quat(row.number(i + 3), row.number(i), row.number(i + 1), row.number(i + 2)),
+                            "qx qy qz qw");
+}
+
+Quat read_asl_quaternion(const TableRow& row) {
+  return checked_quaternion(row, Quat(row.number(4), row.number(5), row.number(6), row.number(7)),
+                            "qw qx qy qz");
+}
+
+/// Whether the first line is of EuRoC's truth: "#timestamp, p_RS_R_x [m], ...".
+bool is_asl(const std::filesystem::path& path) {
+  LineReader lines(path);
+  std::string_view first;
+  return lines.next(first) && first.starts_with("#timestamp") && first.find(',') != std::string_view::npos;
 }
 
 void append(fmt::memory_buffer& out, const char* format, const Vec3& v) {
@@ -45,16 +65,19 @@ std::string format_stamp(Time t) {
 }
 
 Trajectory read_trajectory(const std::filesystem::path& path) {
+  const bool asl = is_asl(path);
+  const char* header = asl ? kAslHeader : kTumHeader;
   Trajectory trajectory;
-  read_table(path, kTumHeader, [&](const TableRow& row) {
-    const StampedPose pose{row.stamp(0), {read_quaternion(row, 4), row.vec3(1)}};
+  read_table(path, header, [&](const TableRow& row) {
+    const StampedPose pose = asl ? StampedPose{row.integer(0), {read_asl_quaternion(row), row.vec3(1)}}
+                                 : StampedPose{row.stamp(0), {read_quaternion(row, 4), row.vec3(1)}};
     if (!trajectory.empty()) {
       check_order(row, pose.t, trajectory.back().t);
       if (pose.t == trajectory.back().t) return;
     }
     trajectory.push_back(pose);
   });
-  if (trajectory.empty()) throw DataError(fmt::format("{}: holds no poses ({})", path.string(), kTumHeader));
+  if (trajectory.empty()) throw DataError(fmt::format("{}: holds no poses ({})", path.string(), header));
   return trajectory;
 }
 

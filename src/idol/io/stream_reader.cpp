@@ -1,4 +1,4 @@
-#include "idol/io/text_reader.hpp"
+#include "idol/io/stream_reader.hpp"
 
 #include <fmt/format.h>
 
@@ -6,11 +6,7 @@
 #include <limits>
 #include <memory>
 
-#include "idol/io/sequence_files.hpp"
-
 namespace idol {
-
-namespace fs = std::filesystem;
 
 namespace {
 
@@ -29,9 +25,9 @@ double seconds_of(Time t) { return static_cast<double>(t) / kNsPerS; }
 
 }  // namespace
 
-template <class Parser>
-void TextReader::Cursor<Parser>::advance() {
-  typename Parser::Row row;
+template <class Row>
+void StreamReader::Cursor<Row>::advance() {
+  Row row;
   head.reset();
   try {
     if (stream.next(row)) head = row;
@@ -40,67 +36,74 @@ void TextReader::Cursor<Parser>::advance() {
   }
 }
 
-template <class Parser>
-std::unique_ptr<TextReader::Cursor<Parser>> TextReader::open(const fs::path& file, Parser parser) {
-  auto cursor = std::unique_ptr<Cursor<Parser>>(new Cursor<Parser>{{file, parser, diagnostics_}, {}, {}});
+template <class Row>
+std::unique_ptr<StreamReader::Cursor<Row>> StreamReader::open(std::unique_ptr<RowSource<Row>> source,
+                                                              RowCheck<Row> check) {
+  auto cursor =
+      std::unique_ptr<Cursor<Row>>(new Cursor<Row>{{std::move(source), check, diagnostics_}, {}, {}});
   cursor->advance();
   if (!cursor->head) {
     if (cursor->damage) std::rethrow_exception(cursor->damage);
-    throw DataError(fmt::format("{}: holds no {} at all", file.string(), Parser::kName));
+    throw DataError(fmt::format("{}: holds no {} at all", cursor->name(), RowCheck<Row>::kName));
   }
   return cursor;
 }
 
-template <class Parser>
-std::unique_ptr<TextReader::Cursor<Parser>> TextReader::open(const fs::path& folder, const std::string& name,
-                                                             Parser parser) {
-  const auto files = find_stream_files(folder, name);
-  if (files.empty()) {
-    throw DataError(
-        fmt::format("{}: no {} in this folder (nor {}.gz, {}.zst)", folder.string(), name, name, name));
-  }
-  if (files.size() > 1) {
-    diagnostics_.warn("several_files", fmt::format("{}: read; {} lies beside it and is ignored",
-                                                   files[0].string(), files[1].filename().string()));
-  }
-  return open(files[0], parser);
-}
-
-TextReader::TextReader(const fs::path& path, const ReaderOptions& options)
-    : options_(options), imu_offset_(from_seconds(options.imu_offset_s)) {
+StreamReader::StreamReader(std::unique_ptr<Recording> recording, const ReaderOptions& options)
+    : options_(options), recording_(std::move(recording)), imu_offset_(from_seconds(options.imu_offset_s)) {
   if (!(options.from_s >= 0) || !(options.to_s > options.from_s)) {
     throw UsageError(fmt::format("the span to read, {} to {} s, is empty or begins before the recording",
                                  options.from_s, options.to_s));
   }
-  const EventParser parser(options.width, options.height);
-  const fs::path folder = sequence_folder(path);
-  events_ = fs::is_directory(path) ? open(path, "events.txt", parser) : open(path, parser);
-  const bool imu_there = !find_stream_files(folder, "imu.txt").empty();
-  if (options.need_imu || (options.imu_if_present && imu_there)) imu_ = open(folder, "imu.txt", ImuParser());
+  open_streams();
+  begin_ = saturated_sum(first_stamp_, options.from_s);
+  end_ = saturated_sum(first_stamp_, options.to_s);
+  events_over_ = !events_;
+}
 
-  first_stamp_ = events_->head->t;
+void StreamReader::open_streams() {
+  if (options_.need_events || recording_->has_events()) {
+    events_ = open(recording_->events(diagnostics_), RowCheck<Event>(options_.width, options_.height));
+    check_resolution();
+  }
+  if (options_.need_imu || !events_ || (options_.imu_if_present && recording_->has_imu()))
+    imu_ = open(recording_->imu(diagnostics_), RowCheck<ImuSample>());
+
+  first_stamp_ = events_ ? events_->head->t : imu_->head->t;
   if (imu_) {
     first_stamp_ = std::min(first_stamp_, imu_->head->t);
-  } else if (imu_there) {
+  } else if (recording_->has_imu()) {
     // Not read, but a span means the same part of the recording with and without it.
     try {
       Diagnostics unheard;
       ImuSample sample;
-      RowStream<ImuParser> peek(find_stream_files(folder, "imu.txt")[0], {}, unheard);
+      RowStream<ImuSample> peek(recording_->imu(unheard), {}, unheard);
       if (peek.next(sample)) first_stamp_ = std::min(first_stamp_, sample.t);
     } catch (const DataError&) {
       // Whoever wants the IMU will hear of it.
+    } catch (const UsageError&) {
+      // Several of them: none is wanted.
     }
   }
-  begin_ = saturated_sum(first_stamp_, options.from_s);
-  end_ = saturated_sum(first_stamp_, options.to_s);
 }
 
-void TextReader::fill_events() {
+void StreamReader::check_resolution() {
+  const auto [width, height] = recording_->resolution();
+  if (width <= 0 || height <= 0 || options_.width <= 0 || options_.height <= 0) return;
+  if (width == options_.width && height == options_.height) return;
+  diagnostics_.warn("other_resolution",
+                    fmt::format("{}: recorded with {} x {} pixels, but the calibration is for {} x {}",
+                                events_->name(), width, height, options_.width, options_.height));
+}
+
+void StreamReader::fill_events() {
   if (events_over_) return;
   auto& head = events_->head;
   while (head && head->t < end_ && waiting_.size() < options_.packet_events) {
-    if (head->t >= begin_) waiting_.push_back(*head);
+    if (head->t >= begin_) {
+      waiting_.push_back(*head);
+      events_->stream.next_plain(waiting_, options_.packet_events - waiting_.size(), end_);
+    }
     events_->advance();
   }
   if (!waiting_.empty()) {
@@ -110,16 +113,17 @@ void TextReader::fill_events() {
   if (!head || head->t >= end_) events_over_ = true;
 }
 
-Time TextReader::imu_begin() const {
-  return (options_.imu_near_events ? std::max(begin_, *first_event_) : begin_) - kImuMargin;
+Time StreamReader::imu_begin() const {
+  return (options_.imu_near_events && first_event_ ? std::max(begin_, *first_event_) : begin_) - kImuMargin;
 }
 
-Time TextReader::imu_end() const {
-  return (options_.imu_near_events && events_over_ ? std::min(end_, last_event_ + 1) : end_) + kImuMargin;
+Time StreamReader::imu_end() const {
+  return (options_.imu_near_events && first_event_ && events_over_ ? std::min(end_, last_event_ + 1) : end_) +
+         kImuMargin;
 }
 
 /// Appends the samples up to the first one after `until`; false if the packet is full before.
-bool TextReader::fill_imu(std::vector<ImuSample>& imu, Time until) {
+bool StreamReader::fill_imu(std::vector<ImuSample>& imu, Time until) {
   while (imu_->head && (!first_imu_ || last_imu_ <= until)) {
     const Time t = imu_->head->t - imu_offset_;
     if (t >= imu_end()) break;
@@ -134,12 +138,12 @@ bool TextReader::fill_imu(std::vector<ImuSample>& imu, Time until) {
   return true;
 }
 
-std::string TextReader::span_of_events() const {
+std::string StreamReader::span_of_events() const {
   return fmt::format("{} has events of {:.6f} to {:.6f} s", events_->name(), seconds_of(*first_event_),
                      seconds_of(last_event_));
 }
 
-void TextReader::check_overlap() const {
+void StreamReader::check_overlap() const {
   if (imu_->damage || !first_event_) return;
   const char* advice = "the streams do not overlap in time; are both of one recording and one clock?";
   if (!imu_->head && (!first_imu_ || last_imu_ < *first_event_)) {
@@ -154,22 +158,25 @@ void TextReader::check_overlap() const {
   }
 }
 
-std::optional<Packet> TextReader::end() const {
-  if (events_->damage) std::rethrow_exception(events_->damage);
-  events_->stream.check_share();
+std::optional<Packet> StreamReader::end() const {
+  if (events_ && events_->damage) std::rethrow_exception(events_->damage);
+  if (imu_ && imu_->damage) std::rethrow_exception(imu_->damage);
+  if (events_) events_->stream.check_share();
   if (imu_) imu_->stream.check_share();
-  if (!first_event_) {
-    throw DataError(fmt::format(
-        "{}: no events between {} and {} s after the recording's first stamp; choose another span",
-        events_->name(), options_.from_s, options_.to_s));
+  if (events_ ? !first_event_ : !first_imu_) {
+    throw DataError(
+        fmt::format("{}: no {} between {} and {} s after the recording's first stamp; choose "
+                    "another span",
+                    events_ ? events_->name() : imu_->name(), events_ ? "events" : "IMU samples",
+                    options_.from_s, options_.to_s));
   }
   return std::nullopt;
 }
 
-std::optional<Packet> TextReader::next() {
+std::optional<Packet> StreamReader::next() {
   if (imu_ && imu_->damage && waiting_.empty()) std::rethrow_exception(imu_->damage);
   if (waiting_.empty()) fill_events();
-  if (!first_event_) return end();
+  if (events_ && !first_event_) return end();
   Packet packet;
   if (imu_) {
     const Time until = waiting_.empty() ? std::numeric_limits<Time>::max() : waiting_.back().t;
@@ -182,8 +189,9 @@ std::optional<Packet> TextReader::next() {
   return packet;
 }
 
-double TextReader::progress() const {
-  const double bytes = events_->stream.lines().progress();
+double StreamReader::progress() const {
+  if (!events_) return imu_->stream.place().progress();
+  const double bytes = events_->stream.place().progress();
   if (events_over_) return 1.0;
   const double span = seconds_between(begin_, end_);
   const double done = events_->head ? seconds_between(begin_, events_->head->t) : 0.0;

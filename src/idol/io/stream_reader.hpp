@@ -1,9 +1,9 @@
-// RPG-style recordings: events.txt and imu.txt side by side, each plain or compressed.
+// The streams of a recording side by side: spans, packets, and whether they overlap in time.
 #pragma once
 
 #include <cstdint>
 #include <exception>
-#include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,10 +13,10 @@
 
 namespace idol {
 
-class TextReader : public Reader {
+class StreamReader : public Reader {
  public:
-  /// A recording's folder, or an events file (the IMU is then looked for beside it). Throws DataError.
-  TextReader(const std::filesystem::path& path, const ReaderOptions& options);
+  /// Throws DataError, and UsageError for an empty span.
+  StreamReader(std::unique_ptr<Recording> recording, const ReaderOptions& options);
 
   std::optional<Packet> next() override;
   [[nodiscard]] bool imu_over() const override { return !imu_ || !imu_->head; }
@@ -26,23 +26,22 @@ class TextReader : public Reader {
 
  private:
   /// A stream with its next row in view.
-  template <class Parser>
+  template <class Row>
   struct Cursor {
-    RowStream<Parser> stream;
-    std::optional<typename Parser::Row> head;  ///< nothing: the stream is over, by its end or by damage
+    RowStream<Row> stream;
+    std::optional<Row> head;  ///< nothing: the stream is over, by its end or by damage
     std::exception_ptr damage;
 
     void advance();
-    [[nodiscard]] const std::string& name() const { return stream.lines().name(); }
+    [[nodiscard]] const std::string& name() const { return stream.place().name(); }
   };
-  template <class Parser>
-  std::unique_ptr<Cursor<Parser>> open(const std::filesystem::path& folder, const std::string& name,
-                                       Parser parser);
-  template <class Parser>
-  std::unique_ptr<Cursor<Parser>> open(const std::filesystem::path& file, Parser parser);
+  template <class Row>
+  std::unique_ptr<Cursor<Row>> open(std::unique_ptr<RowSource<Row>> source, RowCheck<Row> check);
+  void open_streams();
 
   void fill_events();
   bool fill_imu(std::vector<ImuSample>& imu, Time until);
+  void check_resolution();
   [[nodiscard]] Time imu_begin() const;
   [[nodiscard]] Time imu_end() const;
   void check_overlap() const;
@@ -51,8 +50,9 @@ class TextReader : public Reader {
 
   ReaderOptions options_;
   Diagnostics diagnostics_;
-  std::unique_ptr<Cursor<EventParser>> events_;
-  std::unique_ptr<Cursor<ImuParser>> imu_;  // none: events alone
+  std::unique_ptr<Recording> recording_;
+  std::unique_ptr<Cursor<Event>> events_;   // none: the IMU alone
+  std::unique_ptr<Cursor<ImuSample>> imu_;  // none: events alone
   Time imu_offset_ = 0;
   Time first_stamp_ = 0;
   Time begin_ = 0;  // span [begin, end)

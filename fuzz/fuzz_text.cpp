@@ -1,0 +1,33 @@
+// Event and IMU rows, plain or compressed; trajectories.
+#include "fuzz_recording.hpp"
+#include "idol/io/row_stream.hpp"
+#include "idol/io/text_recording.hpp"
+#include "idol/io/trajectory_io.hpp"
+
+namespace {
+
+class EventsFile : public idol::TextRecording {
+ public:
+  EventsFile(const std::filesystem::path& path, const idol::StreamChoice&) : TextRecording(path) {}
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  idol::read_in_every_way<EventsFile>(data, size);
+  const idol::MemoryFile file(data, size);
+  for (const auto& layout : {idol::kRpgImu, idol::kAslImu, idol::kTumVieImu}) {
+    try {
+      idol::Diagnostics diagnostics;
+      idol::RowStream<idol::ImuSample> rows(idol::open_imu_text(file.path(), layout), {}, diagnostics);
+      for (idol::ImuSample sample; rows.next(sample);) {
+      }
+    } catch (const idol::DataError&) {
+    }
+  }
+  try {
+    static_cast<void>(idol::read_trajectory(file.path()));
+  } catch (const idol::DataError&) {
+  }
+  return 0;
+}

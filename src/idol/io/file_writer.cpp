@@ -1,0 +1,39 @@
+#include "idol/io/file_writer.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "idol/base/diagnostics.hpp"
+
+namespace idol {
+
+FileWriter::FileWriter(const std::filesystem::path& path)
+    : name_(path.string()), file_(std::fopen(path.c_str(), "wb")) {
+  if (!file_) refuse();
+}
+
+void FileWriter::write(const void* data, std::size_t size) {
+  if (std::fwrite(data, 1, size, file_.get()) != size) refuse();
+  place_ += size;
+}
+
+void FileWriter::seek(std::uint64_t place) {
+  if (fseeko(file_.get(), static_cast<off_t>(place), SEEK_SET) != 0) refuse();
+  place_ = place;
+}
+
+void FileWriter::close() {
+  if (std::fflush(file_.get()) != 0) refuse();
+  if (std::fclose(file_.release()) != 0) refuse();
+}
+
+void FileWriter::refuse() const {
+  const int reason = errno;
+  throw DataError(fmt::format("{}: cannot be written: {}; {}", name_, std::strerror(reason),
+                              reason == ENOSPC || reason == EDQUOT ? "free some space, or write elsewhere"
+                                                                   : "give a path that can be written"));
+}
+
+}  // namespace idol
