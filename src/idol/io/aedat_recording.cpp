@@ -117,9 +117,18 @@ const char* describe(const std::string& kind) {
 AedatRecording::AedatRecording(const std::filesystem::path& path, StreamChoice choice)
     : file_(std::make_shared<AedatFile>(path)), choice_(std::move(choice)) {}
 
+/// A stream may be announced in the header and never come.
 bool AedatRecording::has(const char* kind) const {
+  const auto holds_packets = [&](const AedatStream& stream) {
+    try {
+      return AedatPackets(*file_, stream.id).skip();
+    } catch (const DataError&) {
+      return true;  // whoever reads it will hear of the damage
+    }
+  };
   const auto& streams = file_->streams();
-  return std::any_of(streams.begin(), streams.end(), [&](const AedatStream& s) { return s.kind == kind; });
+  return std::any_of(streams.begin(), streams.end(),
+                     [&](const AedatStream& s) { return s.kind == kind && holds_packets(s); });
 }
 
 const AedatStream* AedatRecording::choose(const char* kind, const std::string& name, const char* plural,
