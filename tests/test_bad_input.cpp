@@ -422,11 +422,13 @@ TEST_F(BadInput, HotPixelsAreTold) {
 
 TEST_F(BadInput, DamagedGroundTruthCostsOnlyTheComparison) {
   Recording::good().until(0.8).write(dir_);
-  for (const std::string& truth :
-       {std::string("0.1 0 0 0 0 0 0 1\n0.2 0 0 0\n"), std::string("5000 0 0 0 0 0 0 1\n"),
-        std::string("\x01\x02\xff\n"), std::string()}) {
+  for (const auto& [truth, said] :
+       {std::pair<std::string, std::string>{"0.1 0 0 0 0 0 0 1\n0.2 0 0 0\n", "groundtruth.txt"},
+        {"5000 0 0 0 0 0 0 1\n", "ground truth: no estimate pose"},
+        {"\x01\x02\xff\n", "groundtruth.txt"},
+        {"", "groundtruth.txt"}}) {
     dir_.write("groundtruth.txt", truth);
-    expect_warnings(run(), {{"bad_groundtruth", 1}}, {"groundtruth.txt"});
+    expect_warnings(run(), {{"bad_groundtruth", 1}}, {said});
     EXPECT_FALSE(fs::exists(out() / "evaluation.json"));
     EXPECT_TRUE(fs::exists(out() / "report.html"));
   }
