@@ -13,8 +13,8 @@
 namespace idol {
 namespace {
 
-constexpr std::string_view kMagic = "#!AER-DAT4.0\r\n";
-constexpr std::size_t kLargestHeader = 1 << 24;
+constexpr std::string_view kAedatMagic = "#!AER-DAT4.0\r\n";
+constexpr std::size_t kAedatLargestHeader = 1 << 24;
 constexpr std::size_t kLargestPacket = 1 << 30;
 
 std::string_view between(std::string_view text, std::string_view before, std::string_view after) {
@@ -22,11 +22,6 @@ std::string_view between(std::string_view text, std::string_view before, std::st
   if (begin == std::string_view::npos) return {};
   const auto rest = text.substr(begin + before.size());
   return rest.substr(0, rest.find(after));
-}
-
-DataError damaged(const RandomFile& file, std::uint64_t at, const char* what, const char* why) {
-  return DataError(fmt::format("{}: {} is damaged: {}; copy the file again, or read what came before",
-                               file.where(at), what, why));
 }
 
 int pixels(std::string_view text) {
@@ -39,18 +34,18 @@ int pixels(std::string_view text) {
 
 AedatFile::AedatFile(const std::filesystem::path& path) : file_(path) {
   std::vector<std::uint8_t> bytes;
-  file_.read(0, kMagic.size(), bytes);
-  if (!std::equal(bytes.begin(), bytes.end(), kMagic.begin()))
+  file_.read(0, kAedatMagic.size(), bytes);
+  if (!std::equal(bytes.begin(), bytes.end(), kAedatMagic.begin()))
     throw DataError(
         fmt::format("{}: an AEDAT file of version 4.0 is expected; convert older ones with "
                     "iniVation's tools",
                     file_.name()));
-  file_.read(kMagic.size(), 4, bytes);
+  file_.read(kAedatMagic.size(), 4, bytes);
   const auto size = load<std::uint32_t>(bytes, 0);
-  if (size > kLargestHeader)
-    throw damaged(file_, kMagic.size(), "the file's header", "it would be longer than any");
-  file_.read(kMagic.size() + 4, size, bytes);
-  begin_ = kMagic.size() + 4 + size;
+  if (size > kAedatLargestHeader)
+    throw file_.damaged(kAedatMagic.size(), "the file's header", "it would be longer than any");
+  file_.read(kAedatMagic.size() + 4, size, bytes);
+  begin_ = kAedatMagic.size() + 4 + size;
   try {
     const FlatTable header = FlatTable::root(bytes);
     switch (header.get<std::int32_t>(0)) {
@@ -76,10 +71,10 @@ AedatFile::AedatFile(const std::filesystem::path& path) : file_(path) {
     const Bytes xml = header.buffer().subspan(text.at, text.count);
     read_streams({xml.begin(), xml.end()});
   } catch (const BadBytes& e) {
-    throw damaged(file_, kMagic.size() + 4, "the file's header", e.why);
+    throw file_.damaged(kAedatMagic.size() + 4, "the file's header", e.why);
   }
   if (streams_.empty())
-    throw DataError(fmt::format("{}: the file's header names no streams", file_.where(kMagic.size())));
+    throw DataError(fmt::format("{}: the file's header names no streams", file_.where(kAedatMagic.size())));
 }
 
 /// Of the header's XML only what is needed: <node path=".../outInfo/ID/"> and <attr key="KEY"
@@ -131,7 +126,7 @@ bool AedatPackets::find(std::uint32_t& size) {
     file.read(at_, 8, packed_);
     const auto id = load<std::int32_t>(packed_, 0);
     size = load<std::uint32_t>(packed_, 4);
-    if (size > kLargestPacket) throw damaged(file, place_, "a packet", "it would be longer than any");
+    if (size > kLargestPacket) throw file.damaged(place_, "a packet", "it would be longer than any");
     at_ += 8;
     if (id == stream_) return true;
     at_ += size;
@@ -150,7 +145,7 @@ bool AedatPackets::next(Bytes& buffer) {
     buffer = ByteCursor(Bytes(packet_).subspan(std::min<std::size_t>(4, packet_.size())))
                  .take(load<std::uint32_t>(packet_, 0));
   } catch (const BadBytes& e) {
-    throw damaged(file_.file_, place_, "a packet", e.why);
+    throw file_.file_.damaged(place_, "a packet", e.why);
   }
   return true;
 }

@@ -12,8 +12,8 @@
 namespace idol {
 namespace {
 
-constexpr std::string_view kMagic = "#ROSBAG V2.0\n";
-constexpr std::size_t kLargestHeader = 1 << 20;
+constexpr std::string_view kBagMagic = "#ROSBAG V2.0\n";
+constexpr std::size_t kBagLargestHeader = 1 << 20;
 constexpr std::uint32_t kLargestRecord = 1U << 30;
 constexpr int kMessage = 2, kBagHeader = 3, kChunk = 5, kChunkInfo = 6, kConnection = 7;
 
@@ -44,22 +44,17 @@ T number(Bytes header, std::string_view name) {
 
 std::string text(Bytes bytes) { return {bytes.begin(), bytes.end()}; }
 
-DataError damaged(const RandomFile& file, std::uint64_t at, const char* what, const char* why) {
-  return DataError(fmt::format("{}: {} is damaged: {}; copy the bag again, or read what came before",
-                               file.where(at), what, why));
-}
-
 }  // namespace
 
 BagFile::BagFile(const std::filesystem::path& path) : file_(path) {
   std::vector<std::uint8_t> bytes;
-  file_.read(0, std::min<std::uint64_t>(kMagic.size(), file_.size()), bytes);
-  if (text(bytes) != kMagic)
+  file_.read(0, std::min<std::uint64_t>(kBagMagic.size(), file_.size()), bytes);
+  if (text(bytes) != kBagMagic)
     throw DataError(
         fmt::format("{}: a bag of version 2.0 is expected ('rosbag migrate' makes one of older "
                     "ones)",
                     file_.name()));
-  begin_ = kMagic.size();
+  begin_ = kBagMagic.size();
   BagMessages records(*this, {});
   BagMessages::Record record;
   try {
@@ -73,7 +68,7 @@ BagFile::BagFile(const std::filesystem::path& path) : file_(path) {
                    number<std::uint32_t>(record.header, "chunk_count"));
     }
   } catch (const BadBytes& e) {
-    throw damaged(file_, records.place(), "the bag's header", e.why);
+    throw file_.damaged(records.place(), "the bag's header", e.why);
   }
   if (!indexed_) walk();
 }
@@ -157,10 +152,10 @@ bool BagMessages::next_in_file(Record& record) {
   const auto length = [&](std::uint64_t at, const char* of, std::size_t most) {
     file.read(at, 4, data_);
     const auto size = load<std::uint32_t>(data_, 0);
-    if (size > most) throw damaged(file, place_, "a record", of);
+    if (size > most) throw file.damaged(place_, "a record", of);
     return size;
   };
-  const auto header_size = length(at_, "its header would be longer than any", kLargestHeader);
+  const auto header_size = length(at_, "its header would be longer than any", kBagLargestHeader);
   file.read(at_ + 4, header_size, header_);
   const auto data_size = length(at_ + 4 + header_size, "it would be longer than any", kLargestRecord);
   const std::uint64_t data_at = at_ + 8 + header_size;
@@ -218,7 +213,7 @@ bool BagMessages::next(Message& message) {
       if (connections_.contains(message.connection)) return true;
     }
   } catch (const BadBytes& e) {
-    throw damaged(bag_.file_, place_, "the record", e.why);
+    throw bag_.file_.damaged(place_, "the record", e.why);
   }
   return false;
 }

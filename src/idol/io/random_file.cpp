@@ -47,4 +47,9 @@ std::string RandomFile::where(std::uint64_t offset) const {
   return fmt::format("{}, byte {}", name_, offset);
 }
 
+DataError RandomFile::damaged(std::uint64_t offset, const char* what, const char* why) const {
+  return DataError(fmt::format("{}: {} is damaged: {}; copy the file again, or read what came before",
+                               where(offset), what, why));
+}
+
 }  // namespace idol

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "idol/base/diagnostics.hpp"
+
 namespace idol {
 
 class RandomFile {
@@ -23,6 +25,8 @@ class RandomFile {
   void read(std::uint64_t offset, std::size_t size, std::vector<std::uint8_t>& out) const;
   /// "file, byte N".
   [[nodiscard]] std::string where(std::uint64_t offset) const;
+  /// The error that what lies there cannot be right.
+  [[nodiscard]] DataError damaged(std::uint64_t offset, const char* what, const char* why) const;
 
  private:
   std::string name_;
