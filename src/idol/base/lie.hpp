@@ -50,6 +50,9 @@ inline Mat3 so3_exp(const Vec3& theta) {
 /// Rotation vector of a rotation matrix, angle in [0, pi].
 inline Vec3 so3_log(const Mat3& R) { return quat_log(Quat(R)); }
 
+/// Third component of the cross product.
+inline double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
+
 /// Right Jacobian: Exp(theta + d) ~ Exp(theta) Exp(Jr(theta) d).
 inline Mat3 right_jacobian(const Vec3& theta) {
   const double angle2 = theta.squaredNorm();

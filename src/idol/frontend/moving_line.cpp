@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "idol/base/lie.hpp"
+
 namespace idol {
 namespace {
 
 using Vec6 = Eigen::Matrix<double, 6, 1>;
-
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 // Terms of the model at an event; the sixth, u^2, only measures the bow.
 Vec6 terms(const MovingLine& line, const TimedPixel& event) {

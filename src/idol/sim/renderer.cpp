@@ -8,8 +8,6 @@ namespace {
 
 constexpr double kNear = 0.05;  // [m]: polygons are cut at this depth
 
-double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 }  // namespace
 
 Renderer::Renderer(const Scene& scene, const Camera& camera)

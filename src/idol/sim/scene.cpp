@@ -11,8 +11,6 @@
 namespace idol {
 namespace {
 
-double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 // Area vector of a closed outline: along its normal, as long as its area.
 Vec3 area_vector(const std::vector<Vec3>& outline) {
   Vec3 sum = Vec3::Zero();
