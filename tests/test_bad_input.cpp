@@ -97,10 +97,6 @@ class BadInput : public ::testing::Test {
     return std::count(text.begin(), text.end(), '\n');
   }
 
-  static void expect_says(const std::string& text, const Lines& parts) {
-    for (const auto& part : parts)
-      EXPECT_NE(text.find(part), std::string::npos) << part << "\nnot in: " << text;
-  }
   static void expect_error(const CommandResult& result, const Lines& parts, int status = 1) {
     EXPECT_EQ(result.status, status) << result.err;
     EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;

@@ -16,10 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void expect_contains(const std::string& text, std::initializer_list<const char*> parts) {
-  for (const char* part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << " in: " << text;
-}
-
 enum class Filter { kNone, kZlib, kBlosc };
 
 /// Writes files as other programs do.
@@ -89,7 +85,7 @@ void put_events(Hdf5Maker& maker, const std::string& group, const Packet& packet
   maker.column(group + "/p", H5T_NATIVE_UINT8, p, size, filter);
 }
 
-std::string imu_text(const Packet& packet) {
+std::string tum_vie_imu(const Packet& packet) {
   std::string text = "#timestamp gx gy gz ax ay az temperature\n";
   for (const ImuSample& s : packet.imu)
     text += fmt::format("{} {} {} {} {} {} {} 31.5\n", s.t / 1000, s.gyro.x(), s.gyro.y(), s.gyro.z(),
@@ -145,7 +141,7 @@ TEST(Hdf5, TumVie) {
   }
   EXPECT_NE(read_back(path, {{}, {}, {}, dir.path() / "absent"}).error, "");
   fs::create_directories(dir.path() / "slide-vi_gt_data");
-  dir.write("slide-vi_gt_data/imu_data.txt", imu_text(packet));
+  dir.write("slide-vi_gt_data/imu_data.txt", tum_vie_imu(packet));
   expect_same(read_back(path), packet);
   EXPECT_EQ(open_recording(path)->format(), "HDF5 (TUM-VIE)");
 }
@@ -182,7 +178,7 @@ TEST(Hdf5, M3ed) {
   EXPECT_EQ(open_recording(dir.path() / "x_data.h5")->resolution().height, 720);
   EXPECT_EQ(read_back(dir.path() / "x_data.h5", {"prophesee/right", {}, {}, {}}).events.size(),
             expected.events.size());
-  expect_contains(read_back(dir.path() / "x_data.h5", {"prophesee/up", {}, {}, {}}).error,
+  expect_says(read_back(dir.path() / "x_data.h5", {"prophesee/up", {}, {}, {}}).error,
                   {"prophesee/right"});
 
   // Truth: the first frame seen from the present one.
@@ -205,7 +201,7 @@ TEST(Hdf5, OtherLayoutsAndShapes) {
   const TempDir dir;
   const fs::path path = dir.path() / "o.h5";
   { Hdf5Maker(path).column("a/b", H5T_NATIVE_INT64, std::vector<std::int64_t>{1}, {1}); }
-  expect_contains(read_back(path).error, {"o.h5", "DSEC", "M3ED"});
+  expect_says(read_back(path).error, {"o.h5", "DSEC", "M3ED"});
   {
     Hdf5Maker maker(path);
     put_events(maker, "events", some_packet(), 0, Filter::kNone);
@@ -229,7 +225,7 @@ TEST(Hdf5, DamageIsToldOfAndDoesNoHarm) {
   const TempDir dir;
   write(dir.path() / "r.h5", {some_packet(0), some_packet(1)}, true, some_truth());
   const std::string whole = slurp(dir.path() / "r.h5");
-  expect_contains(read_back(dir.write("damaged", whole.substr(0, whole.size() / 2))).error,
+  expect_says(read_back(dir.write("damaged", whole.substr(0, whole.size() / 2))).error,
                   {"damaged", "HDF5"});
   expect_survives_damage(dir, whole);
 }
@@ -252,7 +248,7 @@ TEST(Hdf5, PartBeforeDamagedChunkIsKept) {
   }
   for (std::size_t i = 0; i < 100; ++i) whole[address + i] = '\x55';
   const ReadBack r = read_back(dir.write("damaged", whole));
-  expect_contains(r.error, {"damaged", "row"});
+  expect_says(r.error, {"damaged", "row"});
   EXPECT_EQ(r.events.size(), 65536u);
 }
 

@@ -9,12 +9,9 @@
 namespace idol {
 namespace {
 
+using test::expect_says;
 using test::run_idol;
 using test::TempDir;
-
-void expect_says(const std::string& text, std::initializer_list<std::string> parts) {
-  for (const std::string& part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
-}
 
 std::string quoted(const std::filesystem::path& path) { return fmt::format("'{}'", path.string()); }
 

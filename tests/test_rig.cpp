@@ -9,6 +9,7 @@
 namespace idol {
 namespace {
 
+using test::expect_says;
 using test::TempDir;
 
 const std::string kLens = R"(  camera_model: pinhole
@@ -44,11 +45,6 @@ std::string error_of(const std::function<void()>& action) {
     return e.what();
   }
   return "";
-}
-
-void expect_says(const std::string& message, std::initializer_list<std::string> parts) {
-  EXPECT_NE(message, "");
-  for (const std::string& part : parts) EXPECT_NE(message.find(part), std::string::npos) << message;
 }
 
 void expect_the_rig(const Rig& rig) {

@@ -9,6 +9,7 @@
 namespace idol {
 namespace {
 
+using test::expect_says;
 using test::TempDir;
 
 /// Everything a reader gives, and how it ended.
@@ -70,10 +71,6 @@ std::string some_imu(int count, double from_s = 0) {
   std::string text;
   for (int i = 0; i < count; ++i) text += fmt::format("{:.9f} 0 0 9.81 0.1 -0.2 {}\n", from_s + 1e-3 * i, i);
   return text;
-}
-
-void expect_says(const std::string& message, std::initializer_list<std::string> parts) {
-  for (const std::string& part : parts) EXPECT_NE(message.find(part), std::string::npos) << message;
 }
 
 TEST(TextReader, ReadsEveryUsualWayToWriteARow) {

@@ -6,6 +6,7 @@
 namespace idol {
 namespace {
 
+using test::expect_says;
 using test::TempDir;
 
 std::string error_of(const std::function<void()>& action) {
@@ -15,11 +16,6 @@ std::string error_of(const std::function<void()>& action) {
     return e.what();
   }
   return "";
-}
-
-void expect_says(const std::string& message, std::initializer_list<std::string> parts) {
-  EXPECT_NE(message, "");
-  for (const std::string& part : parts) EXPECT_NE(message.find(part), std::string::npos) << message;
 }
 
 TEST(TrajectoryIo, TrajectoryComesBack) {

@@ -9,6 +9,7 @@
 #include <functional>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "idol/base/lie.hpp"
 
@@ -39,6 +40,11 @@ inline void expect_jacobian(const Eigen::MatrixXd& analytic, const Eigen::Matrix
 inline Vec3 random_vec3(std::mt19937& rng, double sigma = 1.0) {
   std::normal_distribution<double> normal(0.0, sigma);
   return {normal(rng), normal(rng), normal(rng)};
+}
+
+/// Each part is somewhere in the text.
+inline void expect_says(const std::string& text, const std::vector<std::string>& parts) {
+  for (const auto& part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << "\nnot in: " << text;
 }
 
 /// A folder that is removed with its contents at the end of the test.
