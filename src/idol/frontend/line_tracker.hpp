@@ -22,11 +22,11 @@ struct TrackOptions {
   double batch_s = 0.004;
   int batch_events = 4000;
   double gate_px = 1.5;
-  double min_length_px = 12;
+  double min_length_px = 10;
   double max_bow_px = 0.8;
   double max_quiet_s = 0.3;
   int max_lines = 200;
-  double detect_rate = 1e5;
+  double detect_rate = 3e5;
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {

@@ -34,7 +34,7 @@ struct SegmentOptions {
   double distance_threshold_px = 1.0;
   bool same_polarity = false;
   int min_events = 40;
-  double min_length_px = 12;
+  double min_length_px = 10;
   double gate_px = 2.0;
   double max_rms_px = 1.0;
   double max_bow_px = 0.8;
