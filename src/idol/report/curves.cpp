@@ -78,16 +78,6 @@ Panel orientation_panel(const RunFolder& run, const AlignedTruth& truth, Time ze
   return panel;
 }
 
-/// The camera in the IMU frame, from a pose of each at one stamp.
-std::optional<Pose> mounting(const Trajectory& camera, const Trajectory& imu) {
-  for (const StampedPose& c : camera) {
-    const auto i =
-        std::lower_bound(imu.begin(), imu.end(), c.t, [](const StampedPose& p, Time t) { return p.t < t; });
-    if (i != imu.end() && i->t == c.t) return i->T.inverse() * c.T;
-  }
-  return std::nullopt;
-}
-
 /// Velocity of the IMU: the states' and, by differentiating its path, ground truth's.
 Panel velocity_panel(const RunFolder& run, const AlignedTruth& truth, Time zero) {
   Panel panel{"IMU velocity", "m/s", {}};
@@ -168,6 +158,15 @@ Panel window_panel(const CsvColumns& windows, const std::string& title, const st
 }
 
 }  // namespace
+
+std::optional<Pose> mounting(const Trajectory& camera, const Trajectory& imu) {
+  for (const StampedPose& c : camera) {
+    const auto i =
+        std::lower_bound(imu.begin(), imu.end(), c.t, [](const StampedPose& p, Time t) { return p.t < t; });
+    if (i != imu.end() && i->t == c.t) return i->T.inverse() * c.T;
+  }
+  return std::nullopt;
+}
 
 AlignedTruth align_truth(const Trajectory& estimate, const Trajectory& groundtruth) {
   AlignedTruth out;

@@ -1,6 +1,7 @@
 // Curves against time, prepared for the page: compared with ground truth, thinned without losing extremes.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,9 @@ struct AlignedTruth {
 
 /// Empty when either is empty or nothing matches.
 AlignedTruth align_truth(const Trajectory& estimate, const Trajectory& groundtruth);
+
+/// The camera in the IMU's frame, from a pose of each at one stamp; nothing without such a stamp.
+std::optional<Pose> mounting(const Trajectory& camera, const Trajectory& imu);
 
 /// All panels that the folder has data for. `zero` is the page's time zero. `truth` and `causal_truth`
 /// belong to the smoothed and to the causal trajectory of the camera.

@@ -98,6 +98,16 @@ const std::vector<double>* CsvColumns::find(const std::string& name) const {
   return it == columns.end() ? nullptr : &it->second;
 }
 
+std::optional<Time> first_stamp(const RunFolder& run) {
+  std::vector<Time> first;
+  for (const Trajectory* trajectory : {&run.camera, &run.camera_causal, &run.imu})
+    if (!trajectory->empty()) first.push_back(trajectory->front().t);
+  if (!run.states.empty()) first.push_back(run.states.front().t);
+  if (first.empty() && !run.windows.t.empty()) first.push_back(run.windows.t.front());
+  if (first.empty()) return std::nullopt;
+  return *std::min_element(first.begin(), first.end());
+}
+
 std::string read_file(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   std::string text(std::istreambuf_iterator<char>(in), {});

@@ -43,6 +43,10 @@ struct RunFolder {
 /// Throws DataError when there is no such folder, or nothing of a run in it.
 RunFolder read_run_folder(const std::filesystem::path& dir);
 
+/// The earliest stamp of the estimate: where its time axes begin. Nothing if there is no trajectory, state or
+/// window.
+std::optional<Time> first_stamp(const RunFolder& run);
+
 /// A whole file as bytes. Throws DataError.
 std::string read_file(const std::filesystem::path& path);
 
