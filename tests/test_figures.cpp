@@ -82,7 +82,7 @@ TEST(Ticks, ReadWell) {
   const Ticks tenths = make_ticks(-0.31, 0.3, 6);
   EXPECT_EQ(tenths.at.size(), 7U) << "an end that is a multiple belongs to it, whatever its rounding";
   EXPECT_EQ(tenths.label(tenths.at[3]), "0.0");
-  EXPECT_EQ(tenths.label(-0.1), "-0.1");
+  EXPECT_EQ(tenths.label(-0.1), "\u22120.1");
   EXPECT_EQ(make_ticks(0, 400, 4).label(200), "200");
   EXPECT_EQ(make_ticks(0, 0.08, 4).label(0.04), "0.04");
 }

@@ -44,7 +44,8 @@ void prepare_output(const std::filesystem::path& dir, Options options, const Rig
   for (const char* name :
        {"trajectory_camera.txt", "trajectory_imu.txt", "trajectory_camera_causal.txt",
         "trajectory_imu_causal.txt", "states.csv", "lines.csv", "lines.ply", "windows.csv", "stats.json",
-        "rig_refined.yaml", "groundtruth_camera.txt", "evaluation.json", "evaluation_causal.json", "report.html"})
+        "rig_refined.yaml", "groundtruth_camera.txt", "evaluation.json", "evaluation_causal.json",
+        "report.html"})
     std::filesystem::remove(dir / name, error);
   std::vector<OptionField> fields;
   list_fields(options, fields);

@@ -202,7 +202,7 @@ Figure consistency_figure(const FigureSource& source, double) {
   for (std::size_t k = 0; k < 6; ++k) {
     const char axis = "xyz"[k % 3];
     Plot plot{.x_label = kTime,
-              .y_label = k < 3 ? fmt::format("{} [mm]", axis) : fmt::format("about {} [deg]", axis)};
+              .y_label = k < 3 ? fmt::format("{} [mm]", axis) : fmt::format("\u03b8{} [deg]", axis)};
     PlotCurve zero{"", errors[k].x, std::vector<double>(pairs.size(), 0.0), {{ink::kSky}, 0.5}};
     add_band(plot, band_around(source, zero, (k < 3 ? "sigma_p" : "sigma_r") + std::string(1, axis),
                                k < 3 ? 1000 : kDegrees, 0.35));
@@ -221,7 +221,7 @@ Figure health_figure(const FigureSource& source, double) {
   const auto* events = windows.find("events");
   const auto* duration = windows.find("duration_s");
   if (events != nullptr && duration != nullptr) {
-    Plot plot{.x_label = kTime, .y_label = "events [million/s]", .y_from_zero = true};
+    Plot plot{.x_label = kTime, .y_label = "rate [Mev/s]", .y_from_zero = true};
     PlotCurve rate{"", {}, {}, {{ink::kBlue}}};
     for (std::size_t i = 0; i < events->size(); ++i) {
       rate.x.push_back(seconds_between(source.zero, windows.t[i]));

@@ -162,7 +162,7 @@ Figure segment_figure(const FigureSource& source, double) {
     return {.plots = {}, .needs = "groundtruth_camera.txt and a trajectory of its time"};
   const double path_m = path_length(source.run.groundtruth);
   Plot translation{
-      .x_label = "length of the piece of the path", .y_label = "translation [%]", .y_from_zero = true};
+      .x_label = "length of the pieces: 10 to 50 % of the path", .y_label = "translation [%]", .y_from_zero = true};
   Plot rotation{.x_label = translation.x_label, .y_label = "rotation [deg]", .y_from_zero = true};
   constexpr double kWidth = 0.28;
   double place = 0;
@@ -176,7 +176,7 @@ Figure segment_figure(const FigureSource& source, double) {
     };
     add(source.causal_truth.matched, "causal", -0.17, ink::kOrange);
     add(smoothed, "smoothed", 0.17, ink::kSky);
-    const std::string name = fmt::format("{:.2f} m ({} %)", segment_length(percent, path_m), percent);
+    const std::string name = fmt::format("{:.2f} m", segment_length(percent, path_m));
     for (Plot* plot : {&translation, &rotation}) plot->x_names.emplace_back(place, name);
   }
   Figure figure{{}, 200, {}};

@@ -11,13 +11,13 @@ namespace {
 // Sizes in print [pt].
 constexpr double kLabelSize = 8, kTickSize = 7, kLegendSize = 7;
 constexpr double kTick = 2.5, kGap = 3;
-constexpr double kLegendRow = 11, kLegendSample = 14;
+constexpr double kLegendRow = 11, kLegendSample = 12;
 constexpr double kBetween = 7;                                       // from a plot to the next
 constexpr double kXTicks = kTick + kGap + kTickSize;                 // below a plot with numbers
 constexpr double kXLabel = kGap + kLabelSize + 2;                    // and with a label
 constexpr double kTypicalLeft = kLabelSize + kTick + 3 * kGap + 22;  // numbers of four or five letters
 /// Share of a band that may lie outside: at first, before anything is known, it is wider than all curves.
-constexpr double kBandShown = 0.1;
+constexpr double kBandOutside = 0.05;
 constexpr Pen kFrame{{ink::kBlack}, 0.5};
 constexpr Pen kGrid{{ink::kGrey, 0.3}, 0.3};
 
@@ -39,8 +39,8 @@ Span y_span(const Plot& plot) {
   Span span;
   if (plot.y_range.first != plot.y_range.second) return {plot.y_range.first, plot.y_range.second};
   for (const PlotBand& band : plot.bands) {
-    span.add(finite_quantile(band.low, kBandShown));
-    span.add(finite_quantile(band.high, 1 - kBandShown));
+    span.add(finite_quantile(band.low, kBandOutside));
+    span.add(finite_quantile(band.high, 1 - kBandOutside));
   }
   for (const PlotCurve& curve : plot.curves) span.add(curve.y);
   for (const PlotBox& box : plot.boxes) {
@@ -98,7 +98,10 @@ void draw_y_axis(Canvas& canvas, const Axes& axes, double label_left) {
     canvas.line(std::vector<Vec2>{{box.left, y}, {box.left - kTick, y}}, kFrame);
     canvas.text({box.left - kTick - kGap, y}, axes.y_ticks.label(v), kTickSize, {1, 0.5});
   }
-  canvas.text({label_left, box.top + 0.5 * box.height}, axes.plot.y_label, kLabelSize, {0.5, 0}, true);
+  // A label longer than its plot is high would run into the next one's.
+  const double length = canvas.text_width(axes.plot.y_label, kLabelSize);
+  const double size = kLabelSize * std::min(1.0, (box.height + kBetween) / length);
+  canvas.text({label_left, box.top + 0.5 * box.height}, axes.plot.y_label, size, {0.5, 0}, true);
 }
 
 /// Ticks always; their numbers and the label unless the plot below has them.
@@ -139,7 +142,7 @@ double draw_legend(Canvas& canvas, const std::vector<Entry>& entries, double lef
         canvas.line(std::vector<Vec2>{{x, y}, {end, y}}, entry.curve->pen);
       canvas.text({end + kGap, y}, entry.name, kLegendSize, {0, 0.5});
     }
-    x += width + 3 * kGap;
+    x += width + 2.5 * kGap;
   }
   return y + 0.5 * kLegendRow - top;
 }
@@ -217,7 +220,7 @@ void draw_column(Canvas& canvas, const Box& box, const std::vector<Plot>& plots)
     axes.box = {left, top, right - left, free * axes.plot.share / shares};
     if (axes.plot.equal) equalise(axes);
     axes.x_ticks = make_ticks(axes.x.low, axes.x.high, axes.box.width / 45);
-    axes.y_ticks = make_ticks(axes.y.low, axes.y.high, std::clamp(axes.box.height / 22, 2.0, 8.0));
+    axes.y_ticks = make_ticks(axes.y.low, axes.y.high, std::clamp(axes.box.height / 22, 3.0, 8.0));
     draw_grid(canvas, axes);
     draw_marks(canvas, axes);
     canvas.rectangle(axes.box, kFrame);

@@ -2,15 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace idol {
 
 std::string Ticks::label(double value) const {
   const int digits = std::max(0, static_cast<int>(-std::floor(std::log10(step) + 1e-9)));
-  const double rounded = std::abs(value) < 1e-6 * step ? 0 : value;  // no "-0"
-  if (digits > 5 || std::abs(value) >= 1e6) return fmt::format("{:.3g}", rounded);
-  return fmt::format("{:.{}f}", rounded, digits);
+  const double size = std::abs(value) < 1e-6 * step ? 0 : std::abs(value);  // no "-0"
+  const char* sign = size > 0 && value < 0 ? "\u2212" : "";
+  if (digits > 5 || size >= 1e6) return fmt::format("{}{:.3g}", sign, size);
+  return fmt::format("{}{:.{}f}", sign, size, digits);
 }
 
 Ticks make_ticks(double low, double high, double wanted) {
