@@ -17,6 +17,7 @@ void add_info(CLI::App& app, Action& action);
 void add_preintegrate(CLI::App& app, Action& action);
 void add_report(CLI::App& app, Action& action);
 void add_compare(CLI::App& app, Action& action);
+void add_view(CLI::App& app, Action& action);
 void add_completion(CLI::App& app, Action& action);
 void add_config(CLI::App& app, Action& action);
 

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "idol/base/diagnostics.hpp"
 
@@ -29,15 +28,6 @@ using Context = std::unique_ptr<cairo_t, DestroyContext>;
 
 cairo_status_t append(void* bytes, const unsigned char* data, unsigned size) {
   static_cast<std::string*>(bytes)->append(reinterpret_cast<const char*>(data), size);
-  return CAIRO_STATUS_SUCCESS;
-}
-
-/// Takes the next bytes off a string_view.
-cairo_status_t take(void* bytes, unsigned char* data, unsigned size) {
-  auto& left = *static_cast<std::string_view*>(bytes);
-  if (left.size() < size) return CAIRO_STATUS_READ_ERROR;
-  std::memcpy(data, left.data(), size);
-  left.remove_prefix(size);
   return CAIRO_STATUS_SUCCESS;
 }
 
@@ -210,23 +200,6 @@ double Canvas::text_width(std::string_view text, double size) const {
   cairo_text_extents(context, std::string(text).c_str(), &extents);
   cairo_restore(context);
   return extents.x_advance;
-}
-
-void Canvas::picture(const Box& box, const std::string& png) {
-  cairo_t* context = cairo_->context.get();
-  std::string_view left = png;
-  const Surface image(cairo_image_surface_create_from_png_stream(take, &left));
-  check(cairo_surface_status(image.get()), "a PNG picture cannot be read");
-  const double width = cairo_image_surface_get_width(image.get());
-  const double height = cairo_image_surface_get_height(image.get());
-  cairo_save(context);
-  cairo_translate(context, box.left, box.top);
-  cairo_scale(context, box.width / width, box.height / height);
-  cairo_set_source_surface(context, image.get(), 0, 0);
-  cairo_pattern_set_extend(cairo_get_source(context), CAIRO_EXTEND_PAD);
-  cairo_rectangle(context, 0, 0, width, height);
-  cairo_fill(context);
-  cairo_restore(context);
 }
 
 void Canvas::clip(const Box& box) {

@@ -67,8 +67,6 @@ class Canvas {
   void text(const Vec2& at, std::string_view text, double size, Anchor anchor = {}, bool quarter_turn = false,
             bool bold = false);
   [[nodiscard]] double text_width(std::string_view text, double size) const;
-  /// A PNG file's picture, filling the box. Throws DataError when it cannot be read.
-  void picture(const Box& box, const std::string& png);
   /// Until `unclip`, what lies outside the box is not drawn.
   void clip(const Box& box);
   void unclip();

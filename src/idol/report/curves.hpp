@@ -1,7 +1,6 @@
 // Curves against time, prepared for the page: compared with ground truth, thinned without losing extremes.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,13 +13,15 @@ namespace idol {
 struct Series {
   std::string name;
   int colour = 0;         ///< index into the page's colours: 0, 1, 2 are also x, y, z
-  std::string style;      ///< "", "truth" (wide and pale), "thin" or "dashed"
+  std::string style;      ///< "", "truth" (wide and pale), "causal", "error", "thin" or "dashed"
   std::vector<double> t;  ///< [s] since the page's zero
   std::vector<double> y;
+  std::vector<double> band;  ///< half the width of the band around y; empty: none
 };
 
 /// Curves that share an axis.
 struct Panel {
+  std::string group;  ///< "state", "error", "front-end" or "back-end"
   std::string title;
   std::string unit;
   std::vector<Series> series;
@@ -35,9 +36,6 @@ struct AlignedTruth {
 
 /// Empty when either is empty or nothing matches.
 AlignedTruth align_truth(const Trajectory& estimate, const Trajectory& groundtruth);
-
-/// The camera in the IMU's frame, from a pose of each at one stamp; nothing without such a stamp.
-std::optional<Pose> mounting(const Trajectory& camera, const Trajectory& imu);
 
 /// All panels that the folder has data for. `zero` is the page's time zero. `truth` and `causal_truth`
 /// belong to the smoothed and to the causal trajectory of the camera.

@@ -35,7 +35,7 @@ Figure error_figure(const FigureSource& source, double width);
 Figure consistency_figure(const FigureSource& source, double width);
 Figure health_figure(const FigureSource& source, double width);
 
-// In space, and statistics.
+// In space and in the image, and statistics.
 Figure trajectory_figure(const FigureSource& source, double width);
 Figure map_figure(const FigureSource& source, double width);
 Figure event_figure(const FigureSource& source, double width);

@@ -140,29 +140,14 @@ Figure map_figure(const FigureSource& source, double width) {
   return two_views(view(true), view(false), width);
 }
 
-Figure event_figure(const FigureSource& source, double width) {
-  const RunFolder& run = source.run;
-  if (run.pictures.empty() || !run.camera_model) return {.plots = {}, .needs = "pictures/ and rig.yaml"};
-  const PictureFile& middle = run.pictures[run.pictures.size() / 2];
-  const double w = run.camera_model->width, h = run.camera_model->height;
-  Plot plot{.x_label = "x [px]", .y_label = "y [px]"};
-  plot.x_range = {-0.5, w - 0.5};
-  plot.y_range = {-0.5, h - 0.5};
-  plot.equal = plot.y_down = true;
-  plot.picture = read_file(middle.path);
-  const double height = equal_height(plot, width, 2 * width);
-  Figure figure{{}, height, {}};
-  figure.plots.push_back(std::move(plot));
-  return figure;
-}
-
 Figure segment_figure(const FigureSource& source, double) {
   const MatchedPoses& smoothed = source.truth.matched;
   if (smoothed.size() < 2)
     return {.plots = {}, .needs = "groundtruth_camera.txt and a trajectory of its time"};
   const double path_m = path_length(source.run.groundtruth);
-  Plot translation{
-      .x_label = "length of the pieces: 10 to 50 % of the path", .y_label = "translation [%]", .y_from_zero = true};
+  Plot translation{.x_label = "length of the pieces: 10 to 50 % of the path",
+                   .y_label = "translation [%]",
+                   .y_from_zero = true};
   Plot rotation{.x_label = translation.x_label, .y_label = "rotation [deg]", .y_from_zero = true};
   constexpr double kWidth = 0.28;
   double place = 0;

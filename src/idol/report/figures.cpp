@@ -26,17 +26,16 @@ struct Kind {
 const std::vector<Kind>& kinds() {
   static const std::vector<Kind> all = {
       {{"trajectory", "top view and side view, with ground truth"}, trajectory_figure},
-      {{"position", "of the camera against time, with ground truth and 3-sigma bands"}, position_figure},
-      {{"orientation", "roll, pitch and yaw of the camera against time, with ground truth"},
-       orientation_figure},
-      {{"velocity", "of the IMU against time, with ground truth and 3-sigma bands"}, velocity_figure},
+      {{"position", "of the IMU against time, with ground truth and 3-sigma bands"}, position_figure},
+      {{"orientation", "roll, pitch and yaw of the IMU, likewise"}, orientation_figure},
+      {{"velocity", "of the IMU, likewise"}, velocity_figure},
       {{"bias", "of gyroscope and accelerometer, with 3-sigma bands"}, bias_figure},
       {{"errors", "translation and rotation error against time, causal and smoothed"}, error_figure},
       {{"consistency", "causal errors by axis within their 3-sigma bands"}, consistency_figure},
       {{"segments", "relative errors of protocol 'segments' as box plots"}, segment_figure},
       {{"events", "events of one window coloured by line, the estimated lines over them"}, event_figure},
       {{"map", "lines from above and from the side"}, map_figure},
-      {{"health", "event rate, lines, residuals, solver time, latency"}, health_figure},
+      {{"health", "event rate, tracks, residuals, computing time, latency"}, health_figure},
   };
   return all;
 }

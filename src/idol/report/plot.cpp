@@ -79,7 +79,7 @@ std::vector<Entry> legend_of(const Plot& plot) {
 
 void draw_grid(Canvas& canvas, const Axes& axes) {
   const Box& box = axes.box;
-  if (!axes.plot.picture.empty()) return;
+  if (axes.plot.plain) return;
   for (double v : axes.y_ticks.at) {
     const double y = axes.place(axes.x.low, v).y();
     canvas.line(std::vector<Vec2>{{box.left, y}, {box.right(), y}}, kGrid);

@@ -41,7 +41,7 @@ struct PlotBox {
 };
 
 struct Plot {
-  std::string x_label, y_label;
+  std::string x_label = {}, y_label = {};
   std::vector<PlotBand> bands = {};
   std::vector<PlotBox> boxes = {};
   std::vector<PlotCurve> curves = {};
@@ -51,8 +51,8 @@ struct Plot {
   bool equal = false;                                        ///< a metre is as long in x as in y
   bool y_down = false;                                       ///< as in images
   std::vector<std::pair<double, std::string>> x_names = {};  ///< instead of numbers on the x axis
-  std::string picture = {};  ///< a PNG file's bytes, filling x_range and y_range
-  double share = 1;          ///< of a column's height
+  bool plain = false;                                        ///< without grid
+  double share = 1;                                          ///< of a column's height
 };
 
 /// Draws plots one above the other with axes in line. Plots that share an x label share its axis and range. A

@@ -71,13 +71,6 @@ double finite_quantile(std::vector<double> values, double share) {
 void draw_marks(Canvas& canvas, const Axes& axes) {
   const Plot& plot = axes.plot;
   canvas.clip(axes.box);
-  if (!plot.picture.empty()) {
-    const Vec2 a = axes.place(plot.x_range.first, plot.y_range.first);
-    const Vec2 b = axes.place(plot.x_range.second, plot.y_range.second);
-    canvas.picture(
-        {std::min(a.x(), b.x()), std::min(a.y(), b.y()), std::abs(b.x() - a.x()), std::abs(b.y() - a.y())},
-        plot.picture);
-  }
   for (const PlotBand& band : plot.bands) draw_band(canvas, axes, band);
   for (const PlotCurve& curve : plot.curves) draw_curve(canvas, axes, curve);
   for (const PlotBox& box : plot.boxes) draw_box(canvas, axes, box);

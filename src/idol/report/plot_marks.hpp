@@ -61,7 +61,7 @@ struct Axes {
   }
 };
 
-/// Bands, then curves, then boxes, clipped to the axes; below them the picture, if there is one.
+/// Bands, then curves, then boxes, clipped to the axes.
 void draw_marks(Canvas& canvas, const Axes& axes);
 
 }  // namespace idol
