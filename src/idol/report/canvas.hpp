@@ -2,7 +2,7 @@
 // cairo.
 #pragma once
 
-#include <cstddef>
+#include <array>
 #include <memory>
 #include <span>
 #include <string>
@@ -60,6 +60,7 @@ class Canvas {
 
   /// Parts where a point is not finite are gaps.
   void line(std::span<const Vec2> points, const Pen& pen);
+  void line(const Vec2& a, const Vec2& b, const Pen& pen) { line(std::array{a, b}, pen); }
   void polygon(std::span<const Vec2> points, const Ink& ink);
   void rectangle(const Box& box, const Pen& pen);
   void disc(const Vec2& centre, double radius, const Ink& ink);

@@ -82,12 +82,12 @@ void draw_grid(Canvas& canvas, const Axes& axes) {
   if (axes.plot.plain) return;
   for (double v : axes.y_ticks.at) {
     const double y = axes.place(axes.x.low, v).y();
-    canvas.line(std::vector<Vec2>{{box.left, y}, {box.right(), y}}, kGrid);
+    canvas.line({box.left, y}, {box.right(), y}, kGrid);
   }
   if (!axes.plot.x_names.empty()) return;
   for (double v : axes.x_ticks.at) {
     const double x = axes.place(v, axes.y.low).x();
-    canvas.line(std::vector<Vec2>{{x, box.top}, {x, box.bottom()}}, kGrid);
+    canvas.line({x, box.top}, {x, box.bottom()}, kGrid);
   }
 }
 
@@ -95,7 +95,7 @@ void draw_y_axis(Canvas& canvas, const Axes& axes, double label_left) {
   const Box& box = axes.box;
   for (double v : axes.y_ticks.at) {
     const double y = axes.place(axes.x.low, v).y();
-    canvas.line(std::vector<Vec2>{{box.left, y}, {box.left - kTick, y}}, kFrame);
+    canvas.line({box.left, y}, {box.left - kTick, y}, kFrame);
     canvas.text({box.left - kTick - kGap, y}, axes.y_ticks.label(v), kTickSize, {1, 0.5});
   }
   // A label longer than its plot is high would run into the next one's.
@@ -110,7 +110,7 @@ void draw_x_axis(Canvas& canvas, const Axes& axes, bool numbers) {
   const double below = box.bottom() + kTick + kGap;
   const auto tick = [&](double v, const std::string& name) {
     const double x = axes.place(v, axes.y.low).x();
-    canvas.line(std::vector<Vec2>{{x, box.bottom()}, {x, box.bottom() + kTick}}, kFrame);
+    canvas.line({x, box.bottom()}, {x, box.bottom() + kTick}, kFrame);
     if (numbers) canvas.text({x, below}, name, kTickSize, {0.5, 0});
   };
   if (axes.plot.x_names.empty())
@@ -139,7 +139,7 @@ double draw_legend(Canvas& canvas, const std::vector<Entry>& entries, double lef
       else if (entry.curve->dot > 0)
         canvas.disc({x + 0.5 * kLegendSample, y}, entry.curve->dot, entry.ink);
       else
-        canvas.line(std::vector<Vec2>{{x, y}, {end, y}}, entry.curve->pen);
+        canvas.line({x, y}, {end, y}, entry.curve->pen);
       canvas.text({end + kGap, y}, entry.name, kLegendSize, {0, 0.5});
     }
     x += width + 2.5 * kGap;

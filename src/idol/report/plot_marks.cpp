@@ -39,10 +39,10 @@ void draw_box(Canvas& canvas, const Axes& axes, const PlotBox& box) {
   const Pen pen{{ink::kBlack}, 0.6};
   const double left = box.x - 0.5 * box.width, right = box.x + 0.5 * box.width;
   const auto level = [&](double from, double to, double y, const Pen& with) {
-    canvas.line(std::vector<Vec2>{axes.place(from, y), axes.place(to, y)}, with);
+    canvas.line(axes.place(from, y), axes.place(to, y), with);
   };
   for (const auto& [end, from] : {std::pair{f.low, f.first}, std::pair{f.high, f.third}}) {
-    canvas.line(std::vector<Vec2>{axes.place(box.x, end), axes.place(box.x, from)}, pen);
+    canvas.line(axes.place(box.x, end), axes.place(box.x, from), pen);
     level(box.x - 0.2 * box.width, box.x + 0.2 * box.width, end, pen);
   }
   const Vec2 upper = axes.place(left, f.third), lower = axes.place(right, f.first);
