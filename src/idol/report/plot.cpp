@@ -147,17 +147,6 @@ double draw_legend(Canvas& canvas, const std::vector<Entry>& entries, double lef
   return y + 0.5 * kLegendRow - top;
 }
 
-/// Widens the range that has room left, so that both scales agree.
-void equalise(Axes& axes) {
-  const double scale = std::min(axes.box.width / axes.x.length(), axes.box.height / axes.y.length());
-  const auto widen = [scale](Span& span, double length) {
-    const double middle = span.middle(), half = 0.5 * length / scale;
-    span = {middle - half, middle + half};
-  };
-  widen(axes.x, axes.box.width);
-  widen(axes.y, axes.box.height);
-}
-
 /// A plot of a column.
 struct Row {
   Axes axes;
@@ -190,6 +179,37 @@ std::vector<Row> lay_out(const std::vector<Plot>& plots) {
   return rows;
 }
 
+/// Widens ranges that have room left, so that all scales agree: those of views one above the other, too.
+void equalise(std::vector<Row>& rows) {
+  double scale = std::numeric_limits<double>::infinity();
+  for (const Row& row : rows) {
+    const Axes& axes = row.axes;
+    if (axes.plot.equal)
+      scale = std::min({scale, axes.box.width / axes.x.length(), axes.box.height / axes.y.length()});
+  }
+  const auto widen = [scale](Span& span, double length) {
+    const double middle = span.middle(), half = 0.5 * length / scale;
+    span = {middle - half, middle + half};
+  };
+  for (Row& row : rows) {
+    if (!row.axes.plot.equal) continue;
+    widen(row.axes.x, row.axes.box.width);
+    widen(row.axes.y, row.axes.box.height);
+  }
+}
+
+void draw_row(Canvas& canvas, Row& row, double left) {
+  Axes& axes = row.axes;
+  draw_legend(canvas, row.legend, axes.box.left, axes.box.right(), axes.box.top - row.legend_height, true);
+  axes.x_ticks = make_ticks(axes.x.low, axes.x.high, axes.box.width / 45);
+  axes.y_ticks = make_ticks(axes.y.low, axes.y.high, std::clamp(axes.box.height / 22, 3.0, 8.0));
+  draw_grid(canvas, axes);
+  draw_marks(canvas, axes);
+  canvas.rectangle(axes.box, kFrame);
+  draw_y_axis(canvas, axes, left);
+  draw_x_axis(canvas, axes, row.shows_x);
+}
+
 }  // namespace
 
 double equal_height(const Plot& plot, double width, double most) {
@@ -214,20 +234,12 @@ void draw_column(Canvas& canvas, const Box& box, const std::vector<Plot>& plots)
   }
   double top = box.top + 2;
   for (Row& row : rows) {
-    Axes& axes = row.axes;
-    draw_legend(canvas, row.legend, left, right, top, true);
     top += row.legend_height;
-    axes.box = {left, top, right - left, free * axes.plot.share / shares};
-    if (axes.plot.equal) equalise(axes);
-    axes.x_ticks = make_ticks(axes.x.low, axes.x.high, axes.box.width / 45);
-    axes.y_ticks = make_ticks(axes.y.low, axes.y.high, std::clamp(axes.box.height / 22, 3.0, 8.0));
-    draw_grid(canvas, axes);
-    draw_marks(canvas, axes);
-    canvas.rectangle(axes.box, kFrame);
-    draw_y_axis(canvas, axes, box.left + 1);
-    draw_x_axis(canvas, axes, row.shows_x);
-    top = axes.box.bottom() + row.below;
+    row.axes.box = {left, top, right - left, free * row.axes.plot.share / shares};
+    top = row.axes.box.bottom() + row.below;
   }
+  equalise(rows);
+  for (Row& row : rows) draw_row(canvas, row, box.left + 1);
 }
 
 }  // namespace idol
