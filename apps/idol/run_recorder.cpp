@@ -190,7 +190,7 @@ void RunRecorder::write_windows() const {
     text += fmt::format(",{},{},{},{:.6g},{:.4f},{:.4f}", r.stats.lines, r.stats.residuals,
                         r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s);
     text += fmt::format(",{:.6f},{:.6f},{:.6f},{},{},{:d}", r.segment_s, r.integrate_s, r.solve_s,
-                        replay_ ? fmt::format("{:.6f}", r.latency_s) : "", r.stats.restarts, r.stats.settled);
+                        replay_ ? fmt::format("{:.6f}", r.latency_s) : "nan", r.stats.restarts, r.stats.settled);
     for (double sigma : r.sigma) text += fmt::format(",{:.4g}", sigma);
     text += '\n';
   }

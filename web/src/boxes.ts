@@ -14,7 +14,7 @@ export function boxPlot(title: string, unit: string, judged: Judged[], numbers: 
   const y = (value: number): number => kTop + (kHeight - kTop - kBottom) * (1 - value / (1.05 * most));
   const slot = (kWidth - kLeft - 8) / percents.length;
   const picture = svg("svg", {viewBox: `0 0 ${kWidth} ${kHeight}`, class: "boxes", role: "img", "aria-label": `Box plot: ${title}`});
-  const step = niceStep(most / 4);
+  const step = niceStep(most / 5);
   for (let value = 0; value <= 1.05 * most; value += step)
     picture.append(svg("line", {x1: kLeft, x2: kWidth - 4, y1: y(value), y2: y(value), class: "rule"}),
       svg("text", {x: kLeft - 7, y: y(value) + 4, "text-anchor": "end"}, String(Number(value.toPrecision(3)))));

@@ -1,5 +1,6 @@
 // Curves against one time axis: zoomed together, with the slider's time in all of them.
 import uPlot from "uplot";
+import {columnsOf, type Columns} from "./columns";
 import {button, el} from "./dom";
 import {nearest, quantile} from "./maths";
 import {colours, onTheme} from "./theme";
@@ -7,33 +8,6 @@ import type {PanelData, SeriesData} from "./types";
 
 const kHeight = 190;
 const kStyleNames: Record<string, string> = {"": "smoothed", causal: "causal", truth: "ground truth"};
-
-/** Columns for uPlot: of each series y, and where it has a band, its upper and lower edge behind it. */
-export interface Columns {
-  data: uPlot.AlignedData;
-  /** For each series: its column, and those of its band. */
-  places: {y: number; band: [number, number] | null}[];
-}
-
-export function columnsOf(series: SeriesData[]): Columns {
-  const tables: uPlot.AlignedData[] = [], places: Columns["places"] = [];
-  let next = 1;
-  for (const {t, y, band, style} of series) {
-    const table: (number | null)[][] = [t, y];
-    if (band) {
-      const centre = (i: number): number | null => style === "error" ? 0 : y[i] ?? null;
-      const edge = (sign: number): (number | null)[] => band.map((half, i) => {
-        const c = centre(i);
-        return half === null || c === null ? null : c + sign * half;
-      });
-      table.push(edge(1), edge(-1));
-    }
-    tables.push(table as uPlot.AlignedData);
-    places.push({y: next, band: band ? [next + 1, next + 2] : null});
-    next += band ? 3 : 1;
-  }
-  return {data: tables.length ? uPlot.join(tables) : [[]], places};
-}
 
 interface Entry {
   series: SeriesData[];

@@ -144,8 +144,9 @@ function eventCard(data: RunData, lines: LineMap, store: EventStore, timeline: T
     drawn = row;
     const time = data.events.t[row]!, seen = view.draw(store.events(row), data.lines, lines.inSight(time), poseAt(data.smoothed, time));
     const {own, around, shown} = data.events;
-    caption.textContent = `At ${time.toFixed(2)} s: ${figure(shown[row])} of the window's ${figure(own[row])} events` +
-      `${shown[row]! < own[row]! ? ` (the ${figure(around[row])} nearest in time to its middle${shown[row]! < around[row]! ? ", thinned evenly" : ""})` : ""}, ${seen} mapped lines over them.`;
+    const some = around[row]! < own[row]! ? ` (evenly picked of the ${figure(around[row])} within about three pixels of motion around its middle)`
+      : shown[row]! < own[row]! ? " (evenly picked)" : "";
+    caption.textContent = `At ${time.toFixed(2)} s: ${figure(shown[row])} of the window's ${figure(own[row])} events${some}, ${seen} mapped lines over them.`;
     view.canvas.setAttribute("aria-label", `Events of the camera, coloured by line. ${caption.textContent}`);
   };
   timeline.onChange(draw);

@@ -15,20 +15,19 @@ namespace idol {
 /// The page without data; put into the program at build time from web/.
 std::string_view empty_page();
 
-std::string page_with(const PageContent& content) {
+std::string page_with(std::string_view source, std::string_view run_json, std::string_view events_base64) {
   std::string page(empty_page());
   for (const auto& [mark, text] :
-       {std::pair<std::string_view, std::string_view>{"@IDOL_PAGE_SOURCE@", content.source},
-        {"@IDOL_RUN_DATA@", content.run_json},
-        {"@IDOL_RUN_EVENTS@", content.events_base64}})
+       {std::pair<std::string_view, std::string_view>{"@IDOL_PAGE_SOURCE@", source},
+        {"@IDOL_RUN_DATA@", run_json},
+        {"@IDOL_RUN_EVENTS@", events_base64}})
     page.replace(page.find(mark), mark.size(), text);
   return page;
 }
 
 void write_report(const std::filesystem::path& run_dir) {
   const PageData data = page_data(read_run_folder(run_dir));
-  write_text_file(run_dir / "report.html",
-                  page_with({R"({"kind":"report"})", data.json, base64(data.events)}));
+  write_text_file(run_dir / "report.html", page_with(R"({"kind":"report"})", data.json, base64(data.events)));
 }
 
 }  // namespace idol

@@ -29,7 +29,7 @@ std::string message(const char* event, const Json& data) {
 LiveView::LiveView(std::string name, const Rig& rig, int port)
     : name_(std::move(name)), rig_(rig), server_(port) {
   server_.add("/", "text/html", [this] {
-    return page_with({.source = safe_text(Json{{"kind", "live"}, {"name", name_}})});
+    return page_with(safe_text(Json{{"kind", "live"}, {"name", name_}}));
   });
   server_.add_stream("/stream", [this](const PageServer::Send& send) { feed(send); });
   server_.start();

@@ -41,7 +41,7 @@ RunServer::RunServer(const std::vector<std::filesystem::path>& dirs, int port) :
     server_.add(fmt::format("/runs/{}/events.bin", i), "application/octet-stream",
                 [run] { return run->packed_events(); });
   }
-  server_.add("/", "text/html", [text = safe_text(source)] { return page_with({.source = text}); });
+  server_.add("/", "text/html", [text = safe_text(source)] { return page_with(text); });
   server_.start();
 }
 
