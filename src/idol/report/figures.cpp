@@ -96,6 +96,8 @@ FigureFiles write_figures(const fs::path& run_dir, const fs::path& file, const F
   const double width = width_mm * kPointsPerMm;
   const FigureSource source = read_source(run_dir);
   FigureFiles files;
+  for (const std::string& note : source.run.notes)
+    if (note.find("cannot be used") != std::string::npos) files.left_out.push_back(note);
   std::vector<Page> pages;
   for (const Kind& kind : chosen) {
     Figure figure = kind.make(source, width);

@@ -28,7 +28,7 @@ struct FigureOptions {
 /// What came of it.
 struct FigureFiles {
   std::vector<std::filesystem::path> written;
-  std::vector<std::string> left_out;  ///< why, for each figure that the folder lacks something for
+  std::vector<std::string> left_out;  ///< damaged files, and why figures are not there
 };
 
 /// Writes figures of the run in `run_dir`: one PDF with a page each, or a file each (of several: `file` with
