@@ -78,7 +78,7 @@ std::optional<Pose> pose_at(const Trajectory& path, Time t) {
 }
 
 PlotCurve dots_of(const std::vector<Vec2>& points, const Ink& ink) {
-  PlotCurve dots{"", {}, {}, {ink}, 0.45};
+  PlotCurve dots{"", {}, {}, {ink}, 0.6};
   for (const Vec2& p : points) {
     dots.x.push_back(p.x());
     dots.y.push_back(p.y());

@@ -113,8 +113,8 @@ Figure map_figure(const FigureSource& source, double width) {
     corners.low[axis] = finite_quantile(ends, kTail);
     corners.high[axis] = finite_quantile(ends, 1 - kTail);
   }
+  const Views views(corners.low, corners.high);  // of the lines alone: a wall is seen from the front
   corners.add(source.run.camera);
-  const Views views(corners.low, corners.high);
   const auto view = [&](bool from_above) {
     Plot plot = views.plot(from_above);
     const auto range = [&](int axis) {
