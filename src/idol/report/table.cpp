@@ -172,11 +172,18 @@ std::string as_latex(const Table& table) {
                           {'^', "\\textasciicircum{}"}});
   };
   std::string columns, groups, titles;
-  for (const TableColumn& column : table.columns) {
-    columns += column.changes ? "rr" : "r";
-    const char* head = column.changes ? " & \\multicolumn{{2}}{{r}}{{{}}}" : " & {}";
-    groups += fmt::format(fmt::runtime(head), safe(column.group));
-    titles += fmt::format(fmt::runtime(head), safe(column.title));
+  for (std::size_t c = 0; c < table.columns.size(); ++c) {
+    const TableColumn& column = table.columns[c];
+    const int width = column.changes ? 2 : 1;
+    columns.append(static_cast<std::size_t>(width), 'r');
+    titles += width == 1 ? " & " + safe(column.title)
+                         : fmt::format(" & \\multicolumn{{2}}{{r}}{{{}}}", safe(column.title));
+    if (c > 0 && table.columns[c - 1].group == column.group) continue;
+    int span = 0;  // of neighbours with one group
+    for (std::size_t k = c; k < table.columns.size() && table.columns[k].group == column.group; ++k)
+      span += width;
+    groups +=
+        fmt::format(" & \\multicolumn{{{}}}{{{}}}{{{}}}", span, span > width ? 'c' : 'r', safe(column.group));
   }
   std::string text = fmt::format(
       "% needs \\usepackage{{booktabs}}\n\\begin{{tabular}}{{ll{}}}\n\\toprule\n &{} \\\\\n{} & {}{} \\\\\n",
