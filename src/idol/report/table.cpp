@@ -209,7 +209,7 @@ std::string as_csv(const Table& table) {
     return text.find_first_of(",\"\n") == std::string_view::npos ? std::string(text)
                                                                  : '"' + escaped(text, {{'"', "\"\""}}) + '"';
   };
-  const auto plain = [](double v) { return std::isfinite(v) ? fmt::format("{}", v) : std::string(); };
+  const auto plain = [](double v) { return std::isfinite(v) ? fmt::format("{:.9g}", v) : std::string(); };
   std::string text = fmt::format("{},{},remark", quoted(table.row_titles[0]), quoted(table.row_titles[1]));
   for (const TableColumn& column : table.columns)
     text += "," + column.key + (column.changes ? "," + column.key + "_change_percent" : "");

@@ -43,7 +43,7 @@ constexpr std::array<std::string_view, 5> option_names(TableFormat) {
 }
 
 /// Markdown, LaTeX (booktabs) and HTML have the best in bold, text marks it with *. HTML is a whole page
-/// without anything from outside. CSV has the keys as titles, full precision, and a column
+/// without anything from outside. CSV has the keys as titles, nine digits, and a column
 /// `KEY_change_percent` where there are changes.
 std::string table_as(TableFormat format, const Table& table);
 
