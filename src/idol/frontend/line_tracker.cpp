@@ -12,6 +12,9 @@ constexpr int kCell = 2;                           // cells of the image that na
 constexpr float kEndMargin = LineTrack::kOutside;  // events this far beyond an end are looked at [px]
 constexpr double kEndFade = 0.6;                   // of the counts about the ends at each look
 constexpr float kEndDensity = 0.5F;  // of the line's density: where it falls below, the line ends
+constexpr float kGapFade = 0.85F;    // of the counts along a line at each look
+constexpr float kGapEvents = 16;     // expected in two pixels, at least, before none there means a gap
+constexpr float kGapDensity = 0.12F;  // of the line's, at most, in two pixels of a gap
 constexpr double kFlowSigma = 0.2;   // of a line's motion about the flow, over the usual speed
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
 constexpr double kEventSigma = 0.55;    // scatter of an edge's events across it [px]
@@ -28,6 +31,19 @@ constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an 
 constexpr double kNoiseMemory = 0.2;    // [s]
 constexpr int kHot = 24;                // unsupported events in half a second or so
 
+// Room for the counts along the line and a little beyond its ends.
+void cover(LineTrack& track) {
+  constexpr double kMargin = 2, kSpare = 16;
+  const double from = track.lo - kMargin, to = track.hi + kMargin;
+  if (from >= track.along_at && to <= track.along_at + static_cast<double>(track.along.size())) return;
+  const auto before = static_cast<std::ptrdiff_t>(std::ceil(track.along_at - from + kSpare));
+  std::vector<float> wider(static_cast<std::size_t>(to - from + 2 * kSpare) + 1);
+  for (std::ptrdiff_t k = 0; k < std::ssize(track.along); ++k)
+    if (k + before >= 0 && k + before < std::ssize(wider)) wider[k + before] = track.along[k];
+  track.along = std::move(wider);
+  track.along_at -= static_cast<double>(before);
+}
+
 }  // namespace
 
 struct LineTracker::Fast {
@@ -37,6 +53,8 @@ struct LineTracker::Fast {
   float u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0, bow = 0;
   int core = 0, ring = 0, pol = 0, claimed = 0;
   LineTrack::EndCounts at_lo = LineTrack::EndCounts::Zero(), at_hi = LineTrack::EndCounts::Zero();
+  float* along = nullptr;  // of the track, from along_at on
+  float along_at = 0;
   Time last = 0;
   float wanted = 0;  // polarity expected, 0 = any
 };
@@ -145,6 +163,7 @@ void LineTracker::predict(LineTrack& track, Time t) const {
   track.centre += mid * track.dir + track.x[0] * track.normal;
   track.lo -= mid;
   track.hi -= mid;
+  track.along_at -= mid;
   const double c = 1 / std::sqrt(1 + track.x[1] * track.x[1]), s = track.x[1] * c;
   track.dir = (c * track.dir + s * track.normal).normalized();
   track.normal = {-track.dir.y(), track.dir.x()};
@@ -213,6 +232,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     f.nx = -f.dy, f.ny = f.dx;
     f.lo = static_cast<float>(track.lo), f.hi = static_cast<float>(track.hi);
     f.rate = static_cast<float>(track.x[2]), f.turn = static_cast<float>(track.x[3]);
+    cover(track);
+    f.along = track.along.data(), f.along_at = static_cast<float>(track.along_at);
     f.mid = 0.5F * (f.lo + f.hi);
     f.inv_half = 2.0F / std::max(1.0F, f.hi - f.lo);
     if (std::abs(f.rate) > 40 && std::abs(track.contrast) > 0.6 * (track.core + 1) && track.core > 20)
@@ -275,6 +296,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     if (best_on && off < gate) f.pol += e.polarity ? 1 : -1;
     if (f.wanted != 0 && f.wanted != (e.polarity ? 1.0F : -1.0F)) continue;
     if (best_on) ++(off < kCoreGate * gate ? f.core : f.ring);
+    if (best_on && off < gate) ++f.along[static_cast<int>(best_u - f.along_at)];
     if (off >= gate || (std::abs(second) < 1.5F * off + 0.5F)) continue;
     if (best_on) ++f.claimed;
     for (int k = 0; k < count; ++k) {
@@ -307,6 +329,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     known.last_event = tracks_[k].last_event;
   }
   std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
+  std::move(parted_.begin(), parted_.end(), std::back_inserter(tracks_));
+  parted_.clear();
 
   // The rest: supported events go to the detector.
   const auto now_us = [](Time t) { return static_cast<std::uint32_t>(t / 1000); };
@@ -422,6 +446,7 @@ void LineTracker::judge(LineTrack& track, Time now) {
     }
     track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
     track.unlooked = 0;
+    part(track, now);
     if (track.hi - track.lo < 0.7 * options_.min_length_px) track.alive = false;
   }
   if (track.fresh_travel < 1.5) return;
@@ -442,6 +467,49 @@ void LineTracker::judge(LineTrack& track, Time now) {
        {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
     *sum *= kFade;
   track.fresh_travel *= kFade;
+}
+
+// At a gap inside, the longer piece goes on as this track, the other as a new one.
+void LineTracker::part(LineTrack& track, Time now) {
+  const auto bin = [&](double u) { return static_cast<std::ptrdiff_t>(u - track.along_at); };
+  const std::ptrdiff_t first = std::max<std::ptrdiff_t>(0, bin(track.lo));
+  const std::ptrdiff_t last = std::min(std::ssize(track.along) - 1, bin(track.hi));
+  float sum = 0;
+  for (std::ptrdiff_t k = first; k <= last; ++k) sum += track.along[k];
+  const float density = sum / static_cast<float>(std::max<std::ptrdiff_t>(1, last - first + 1));
+  std::ptrdiff_t gap = -1;
+  float least = 2 * kGapDensity * density;
+  for (std::ptrdiff_t k = first + 2; 2 * density > kGapEvents && k + 3 < last; ++k)
+    if (const float pair = track.along[k] + track.along[k + 1]; pair < least) {
+      least = pair;
+      gap = k;
+    }
+  if (gap >= 0) {
+    std::ptrdiff_t from = gap, to = gap + 2;
+    while (from > first && track.along[from - 1] < kEndDensity * density) --from;
+    while (to < last && track.along[to] < kEndDensity * density) ++to;
+    const double end = track.along_at + static_cast<double>(from), begin = track.along_at + static_cast<double>(to);
+    LineTrack other = track;
+    const bool low_is_longer = end - track.lo > track.hi - begin;
+    LineTrack& low = low_is_longer ? track : other;
+    LineTrack& high = low_is_longer ? other : track;
+    const double length = track.hi - track.lo;
+    low.hi = end, high.lo = begin;
+    const auto share = [&](LineTrack& t, LineTrack::EndCounts& cut) {
+      const double part = std::max(0.0, t.hi - t.lo) / length;
+      cut.setZero();
+      cut.head<LineTrack::kInside>() = static_cast<float>(t.all / length);
+      for (double* s : {&t.core, &t.ring, &t.contrast, &t.bow, &t.bow_n, &t.spread, &t.noise, &t.all}) *s *= part;
+    };
+    share(low, low.at_hi), share(high, high.at_lo);
+    if (other.hi - other.lo >= options_.min_length_px && std::ssize(tracks_) + std::ssize(parted_) < options_.max_lines) {
+      other.id = next_id_++;
+      other.born = now;
+      known_[other.id] = {kNoLine, other.confirmed, other.normal, other.last_event};
+      parted_.push_back(std::move(other));
+    }
+  }
+  for (float& count : track.along) count *= kGapFade;
 }
 
 void LineTracker::seed(const LineSeed& seed, Time now) {

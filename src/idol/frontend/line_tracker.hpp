@@ -65,6 +65,10 @@ struct LineTrack {
   using EndCounts = Eigen::Array<float, kInside + kOutside, 1>;
   EndCounts at_lo = EndCounts::Zero(), at_hi = EndCounts::Zero();
   double all = 0, unlooked = 0;
+  /// Claimed events by pixels along the line, the first at `along_at`; fading slowly. A gap in them parts the
+  /// line in two.
+  std::vector<float> along;
+  double along_at = 0;
 };
 
 class LineTracker {
@@ -106,6 +110,7 @@ class LineTracker {
   void draw(std::uint16_t index, const Fast& line, float band);
   void correct(LineTrack& track, const Fast& sums, double noise);
   void judge(LineTrack& track, Time now);
+  void part(LineTrack& track, Time now);
   static void count_end(LineTrack::EndCounts& counts, float beyond);
   static double move_end(LineTrack::EndCounts& counts, float density);
   void seed(const LineSeed& seed, Time now);
@@ -119,6 +124,7 @@ class LineTracker {
   const UndistortMap* undistort_;
   LineDetector detector_;
   std::vector<LineTrack> tracks_;
+  std::vector<LineTrack> parted_;  // pieces that the batch at hand has cut off
   // What is still asked of a track after its end.
   struct Known {
     LineId merged_into = kNoLine;
