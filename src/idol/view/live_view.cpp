@@ -24,6 +24,13 @@ std::string message(const char* event, const Json& data) {
   return fmt::format("event: {}\ndata: {}\n\n", event, safe_text(data));
 }
 
+Json pose_json(const Pose& T) {
+  Json p = Json::array(), q = Json::array();
+  for (double v : T.p) p.push_back(rounded(v));
+  for (double v : T.q.coeffs()) q.push_back(rounded(v));
+  return {{"p", p}, {"q", q}};
+}
+
 }  // namespace
 
 LiveView::LiveView(std::string name, const Rig& rig, int port)
@@ -65,7 +72,6 @@ void LiveView::add(const Estimate& e, const Sight& sight) {
     const std::lock_guard lock(mutex_);
     path_.push_back({e.state.t, e.state.T_w_i * e.smoother.projection().T_i_c});
     rows_.push_back(row);
-    frame->number = rows_.size();
     frame_ = std::move(frame);
   }
   changed_.notify_all();
@@ -151,7 +157,7 @@ std::string LiveView::next(std::size_t& seen) {
                             {"path", poses},
                             {"rows", columns},
                             {"lines", lines_json(frame->sight.lines, zero)},
-                            {"frame", frame->number},
+                            {"pose", pose_json(frame->sight.T_w_c)},
                             {"events",
                              {{"t", rounded_seconds(seconds_between(zero, frame->sight.t))},
                               {"own", frame->own},
