@@ -44,18 +44,13 @@ std::optional<Time> page_zero(const RunFolder& run) {
 Json trajectory_json(const Trajectory& trajectory, const std::string& name, Time zero,
                      std::vector<std::string>& notes) {
   const std::size_t step = (trajectory.size() + kMaxPoses - 1) / kMaxPoses;
-  Json t = Json::array(), p = Json::array(), q = Json::array();
-  for (std::size_t i = 0; i < trajectory.size(); ++i) {
-    if (i % step != 0 && i + 1 != trajectory.size()) continue;
-    const StampedPose& pose = trajectory[i];
-    t.push_back(rounded_seconds(seconds_between(zero, pose.t)));
-    for (double v : pose.T.p) p.push_back(rounded(v));
-    for (double v : pose.T.q.coeffs()) q.push_back(rounded(v));
-  }
+  Trajectory drawn;
+  for (std::size_t i = 0; i < trajectory.size(); ++i)
+    if (i % step == 0 || i + 1 == trajectory.size()) drawn.push_back(trajectory[i]);
   if (step > 1)
     notes.push_back(fmt::format("The 3D view draws one in {} of the {} poses of the {} trajectory.", step,
                                 trajectory.size(), name));
-  return {{"t", t}, {"p", p}, {"q", q}};
+  return path_json(drawn, zero);
 }
 
 /// The lines that are drawn.

@@ -128,12 +128,6 @@ std::string LiveView::next(std::size_t& seen) {
     seen = path_.size();
   }
   // What takes time is done without the lock.
-  Json poses{{"t", Json::array()}, {"p", Json::array()}, {"q", Json::array()}};
-  for (const StampedPose& pose : path) {
-    poses["t"].push_back(rounded_seconds(seconds_between(zero, pose.t)));
-    for (double v : pose.T.p) poses["p"].push_back(rounded(v));
-    for (double v : pose.T.q.coeffs()) poses["q"].push_back(rounded(v));
-  }
   Json columns;
   const auto add_column = [&](const char* name, const auto& value) {
     columns[name] = Json::array();
@@ -154,7 +148,7 @@ std::string LiveView::next(std::size_t& seen) {
   const std::string packed =
       pack_events(frame->sight.events, rig_.camera.width, rig_.camera.height, kMostShownEvents, shown);
   return message("update", {{"reset", first},
-                            {"path", poses},
+                            {"path", path_json(path, zero)},
                             {"rows", columns},
                             {"lines", lines_json(frame->sight.lines, zero)},
                             {"pose", pose_json(frame->sight.T_w_c)},
