@@ -13,6 +13,7 @@
 #include "idol/io/event_monitor.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/text_writer.hpp"
+#include "idol/report/frames.hpp"
 #include "idol/report/report.hpp"
 #include "idol/view/live_view.hpp"
 #include "run_recorder.hpp"
@@ -178,6 +179,12 @@ Outcome estimate_and_write(Run& run) {
   if (run.odometry.started())
     figures = judge_against_truth(run.arguments.sequence, run.arguments.streams.choice, run.rig.T_i_c, out,
                                   summary.diagnostics);
+  if (run.odometry.started()) {
+    constexpr std::size_t kMostFrames = 240;
+    const auto& states = run.odometry.smoother().states();
+    write_frames(frames_of_recording(run.arguments.sequence), run.rig.camera, run.rig.time_offset_s,
+                 states.front().t, states.back().t, kMostFrames, out / "frames");
+  }
   run.recorder.write_stats(run.odometry, summary);
   if (run.odometry.started()) {
     write_report(out);

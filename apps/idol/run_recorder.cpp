@@ -132,7 +132,7 @@ void RunRecorder::take_snapshot(const Estimate& e, const Sight& sight) {
   shot.t = sight.t;
   shot.events = sight.events;
   const Projection& projection = e.smoother.projection();
-  const Pose T_c_w = (e.smoother.state_at(shot.t).T_w_i * projection.T_i_c).inverse();
+  const Pose T_c_w = sight.T_w_c.inverse();
   for (const Line& line : sight.lines) {
     const Vec3 a = T_c_w * line.a, b = T_c_w * line.b;
     if (a.z() > 0.05 && b.z() > 0.05)

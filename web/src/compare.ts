@@ -47,7 +47,8 @@ function showComparison(host: HTMLElement, runs: RunSource[], all: RunData[]): v
   const sequences = new Set(all.map(data => shortName(data.stats)));
   if (sequences.size > 1)
     host.append(el("p", {class: "banner warn"}, el("strong", {}, "These runs are of different recordings: "), `${[...sequences].join(", ")}. Their figures and trajectories are side by side, but not of the same thing.`));
-  host.append(section("Figures", el("div", {class: "card"}, figures(runs, all))));
+  host.append(section("Figures", el("div", {class: "card"}, figures(runs, all),
+    el("p", {class: "table-note muted"}, "RMSE, MPE and rotation: protocol full, smoothed; segments: median relative translation error over pieces of 30 % of the path."))));
   host.append(section("Trajectories", overlay(runs, all)));
   const panels = ["Translation error after alignment", "Rotation error after alignment"].map(title => together(title, runs, all)).filter(panel => panel !== null);
   panels.push(...["Velocity", "Accelerometer bias", "Computing time per window"].flatMap(title => {
@@ -62,18 +63,18 @@ function showComparison(host: HTMLElement, runs: RunSource[], all: RunData[]): v
 }
 
 function figures(runs: RunSource[], all: RunData[]): HTMLElement {
-  const columns = ["Run", "Recording", "Preset", "Version", "Status", "Length s", "Real-time factor", "RMSE cm", "Causal RMSE cm", "MPE %", "Rotation RMSE °", "Median segment error %", "Lines", "Restarts", "Warnings"];
+  const columns = ["Run", "Recording", "Preset", "RMSE cm", "causal cm", "MPE %", "Rotation °", "Segments %", "Length s", "× real time", "Lines", "Restarts", "Warnings", "Version", "Status"];
   const row = (run: RunSource, data: RunData, i: number): (Node | string)[] => {
     const stats = data.stats ?? {}, [full, causal] = data.evaluations.map(j => j.data.protocols?.["full"]);
     const boxes = data.evaluations[0]?.boxes ?? [], cm = (v: unknown): string => isNumber(v) ? (100 * v).toFixed(2) : "–";
     const swatch = el("span", {class: "swatch"});
     swatch.style.color = `var(--series-${i % 7})`;
-    return [el("a", {href: `#run=${i}`}, swatch, run.name), shortName(data.stats, "–"), stats.preset ?? "–", stats.version ?? "–", stats.status ?? "–", figure(stats.duration_s),
-      figure(stats.realtime_factor), cm(full?.translation_m?.rmse), cm(causal?.translation_m?.rmse), fixed(full?.mpe_percent, 3), fixed(full?.rotation_deg?.rmse, 3),
-      fixed(boxes[Math.floor(boxes.length / 2)]?.translation_percent[2], 2), figure(stats.lines), figure(stats.restarts),
-      figure(Object.keys(stats.warnings ?? {}).length + data.hints.length)];
+    return [el("a", {href: `#run=${i}`}, swatch, run.name), shortName(data.stats, "–"), stats.preset ?? "–",
+      cm(full?.translation_m?.rmse), cm(causal?.translation_m?.rmse), fixed(full?.mpe_percent, 3), fixed(full?.rotation_deg?.rmse, 3),
+      fixed(boxes[Math.floor(boxes.length / 2)]?.translation_percent[2], 2), figure(stats.duration_s), figure(stats.realtime_factor), figure(stats.lines),
+      figure(stats.restarts), figure(Object.keys(stats.warnings ?? {}).length + data.hints.length), stats.version ?? "–", stats.status ?? "–"];
   };
-  return table(columns.map((name, i) => ({name, left: i < 5})), runs.map((run, i) => row(run, all[i]!, i)));
+  return table(columns.map((name, i) => ({name, left: i < 3 || i > 12})), runs.map((run, i) => row(run, all[i]!, i)));
 }
 
 function overlay(runs: RunSource[], all: RunData[]): HTMLElement {

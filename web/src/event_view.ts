@@ -1,4 +1,4 @@
-// The sensor's image: events in the colour of their line, the projected 3D lines over them.
+// The sensor's image: events in the colour of their line over the frame, if there is one, the projected 3D lines over them.
 import type {WindowEvents} from "./event_store";
 import {projectSegment, type Pose, type Vec3} from "./maths";
 import type {CameraModel, LineTable} from "./types";
@@ -30,11 +30,16 @@ export class EventView {
   }
 
   /** `lines`: rows of the table that are in sight. Returns how many of them lie in the image. */
-  draw(events: WindowEvents | null, table: LineTable, lines: Iterable<number>, pose: Pose | null): number {
+  draw(events: WindowEvents | null, table: LineTable, lines: Iterable<number>, pose: Pose | null, frame: CanvasImageSource | null = null): number {
     const c = this.context;
     if (!c) return 0;
     c.fillStyle = kGround;
     c.fillRect(0, 0, this.canvas.width, this.canvas.height);
+    if (frame) {
+      c.globalAlpha = 0.55;
+      c.drawImage(frame, 0, 0, this.canvas.width, this.canvas.height);
+      c.globalAlpha = 1;
+    }
     if (events) this.drawEvents(c, events);
     return pose && this.showLines ? this.drawLines(c, table, lines, pose) : 0;
   }

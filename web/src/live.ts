@@ -69,7 +69,7 @@ class LivePage {
     if (!update) return;
     const map = new LineMap(update.lines, this.hello.palette), all = update.lines.id.map((_, i) => i);
     const {events} = update;
-    this.view.draw(events.packed ? unpackEvents(bytesOfBase64(events.packed)) : null, update.lines, all, newest);
+    this.view.draw(events.packed ? unpackEvents(bytesOfBase64(events.packed)) : null, update.lines, all, update.pose);
     this.caption.textContent = `At ${events.t.toFixed(2)} s: ${figure(events.shown)} of the window's ${figure(events.own)} events.`;
     if (this.scene) {
       const end = path.t.at(-1) ?? 1, dark = colours().dark;

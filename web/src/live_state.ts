@@ -17,7 +17,8 @@ export interface Update {
   rows: Record<RowName, number[]>;
   lines: LineTable;
   events: {t: number; own: number; around: number; shown: number; packed: string};
-  frame: number;
+  /** Of the camera, when the events were. */
+  pose: Pose;
 }
 
 const kRows = ["t", "rate", "kept", "segments", "lines", "rms", "front", "solve", "speed", "sigma"] as const;

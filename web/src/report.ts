@@ -5,6 +5,7 @@ import {button, check, el, section, select} from "./dom";
 import {errorSection} from "./errors";
 import {EventStore, type PackedBytes} from "./event_store";
 import {EventView} from "./event_view";
+import {Frames} from "./frames";
 import {header} from "./header";
 import {figure, nearest, poseAt} from "./maths";
 import {LineMap, type LineColouring} from "./map";
@@ -138,11 +139,12 @@ function sceneCard(data: RunData, lines: LineMap, timeline: Timeline): HTMLEleme
 function eventCard(data: RunData, lines: LineMap, store: EventStore, timeline: Timeline): HTMLElement {
   const view = new EventView(data.camera!, data.palette), caption = el("p", {class: "caption", role: "status", "aria-live": "off"});
   let drawn = -2;
+  const frames = new Frames(data.frames, () => { drawn = -2; draw(); });
   const draw = (): void => {
     const row = store.row(timeline.time);
     if (row === drawn) return;
     drawn = row;
-    const time = data.events.t[row]!, seen = view.draw(store.events(row), data.lines, lines.inSight(time), poseAt(data.smoothed, time));
+    const time = data.events.t[row]!, seen = view.draw(store.events(row), data.lines, lines.inSight(time), poseAt(data.smoothed, time), frames.at(time));
     const {own, around, shown} = data.events;
     const some = around[row]! < own[row]! ? ` (evenly picked of the ${figure(around[row])} within about three pixels of motion around its middle)`
       : shown[row]! < own[row]! ? " (evenly picked)" : "";
@@ -150,8 +152,9 @@ function eventCard(data: RunData, lines: LineMap, store: EventStore, timeline: T
     view.canvas.setAttribute("aria-label", `Events of the camera, coloured by line. ${caption.textContent}`);
   };
   timeline.onChange(draw);
-  const toggle = check(["projected 3D lines"], true, on => { view.showLines = on; drawn = -2; draw(); });
-  return el("div", {class: "card view"}, view.canvas, el("div", {class: "toolbar"}, el("div", {class: "toggles"}, toggle)), caption,
+  const toggles = el("div", {class: "toggles"}, check(["projected 3D lines"], true, on => { view.showLines = on; drawn = -2; draw(); }));
+  if (data.frames.t.length) toggles.append(check(["frames"], true, on => { frames.on = on; drawn = -2; draw(); }));
+  return el("div", {class: "card view"}, view.canvas, el("div", {class: "toolbar"}, toggles), caption,
     el("p", {class: "hint muted"}, "Colours tell lines apart; grey: events of no line; darker: falling brightness. White: the estimated 3D lines, seen by the estimated camera."));
 }
 

@@ -133,6 +133,8 @@ export interface RunData {
   panels: PanelData[];
   trackLengths: {width: number; counts: number[]} | null;
   events: EventIndex;
+  /** Undistorted frames of the camera, if it takes any: when, and as data URIs. */
+  frames: {t: number[]; src: string[]};
   files: {name: string; text: string}[];
   notes: string[];
 }

@@ -6,7 +6,7 @@ import {LiveState, livePanels, type Update} from "../src/live_state";
 /** Windows of 0.1 s from `from` on. */
 function update(reset: boolean, from: number, windows: number): Update {
   const t = Array.from({length: windows}, (_, i) => from + 0.1 * i), ones = t.map(() => 1);
-  return {reset, path: {t, p: t.flatMap(v => [v, 0, 0]), q: t.flatMap(() => [0, 0, 0, 1])}, frame: 1,
+  return {reset, path: {t, p: t.flatMap(v => [v, 0, 0]), q: t.flatMap(() => [0, 0, 0, 1])}, pose: {p: [0, 0, 0], q: [0, 0, 0, 1]},
     rows: {t, rate: ones, kept: ones, segments: ones, lines: ones, rms: ones, front: ones, solve: ones, speed: ones, sigma: ones},
     lines: {id: [], a: [], b: [], first: [], last: [], windows: [], colour: []}, events: {t: from, own: 0, around: 0, shown: 0, packed: ""}};
 }

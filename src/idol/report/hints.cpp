@@ -50,6 +50,13 @@ class Hints {
     return values == nullptr ? std::numeric_limits<double>::quiet_NaN() : (*values)[row];
   }
 
+  // At rest nothing is seen, and nothing is missed.
+  [[nodiscard]] bool moves_at(Time t) const {
+    const auto state = std::lower_bound(run_.states.begin(), run_.states.end(), t,
+                                        [](const NavState& s, Time time) { return s.t < time; });
+    return state == run_.states.end() || state->v_w.norm() > kMoving;
+  }
+
   const RunFolder& run_;
   Time zero_;
   std::vector<double> t_;

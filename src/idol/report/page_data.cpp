@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
 #include <optional>
 
 #include "idol/base/camera.hpp"
@@ -20,6 +22,7 @@ namespace {
 /// The page must stay light enough to mail: limits on what is drawn, told on the page where they bite.
 constexpr std::size_t kMaxPoses = 4000;
 constexpr std::size_t kMaxLines = 20000;
+constexpr std::uintmax_t kMaxFrameBytes = 5 << 20;
 Json numbers(const std::vector<double>& values, double (*round)(double)) {
   Json out = Json::array();
   for (double v : values) out.push_back(round(v));
@@ -41,18 +44,13 @@ std::optional<Time> page_zero(const RunFolder& run) {
 Json trajectory_json(const Trajectory& trajectory, const std::string& name, Time zero,
                      std::vector<std::string>& notes) {
   const std::size_t step = (trajectory.size() + kMaxPoses - 1) / kMaxPoses;
-  Json t = Json::array(), p = Json::array(), q = Json::array();
-  for (std::size_t i = 0; i < trajectory.size(); ++i) {
-    if (i % step != 0 && i + 1 != trajectory.size()) continue;
-    const StampedPose& pose = trajectory[i];
-    t.push_back(rounded_seconds(seconds_between(zero, pose.t)));
-    for (double v : pose.T.p) p.push_back(rounded(v));
-    for (double v : pose.T.q.coeffs()) q.push_back(rounded(v));
-  }
+  Trajectory drawn;
+  for (std::size_t i = 0; i < trajectory.size(); ++i)
+    if (i % step == 0 || i + 1 == trajectory.size()) drawn.push_back(trajectory[i]);
   if (step > 1)
     notes.push_back(fmt::format("The 3D view draws one in {} of the {} poses of the {} trajectory.", step,
                                 trajectory.size(), name));
-  return {{"t", t}, {"p", p}, {"q", q}};
+  return path_json(drawn, zero);
 }
 
 /// The lines that are drawn.
@@ -115,6 +113,24 @@ Json events_json(const RunFolder& run, Time zero, std::string& packed, std::vect
   if (!run.events.empty() && run.events.size() < run.windows.t.size())
     notes.push_back(fmt::format("The event view has {} of the {} windows: a long run is thinned.",
                                 run.events.size(), run.windows.t.size()));
+  return out;
+}
+
+/// An evenly spread choice that fits, as data URIs.
+Json frames_json(const RunFolder& run, Time zero, std::vector<std::string>& notes) {
+  Json out{{"t", Json::array()}, {"src", Json::array()}};
+  std::uintmax_t all = 0;
+  std::error_code gone;
+  for (const FrameFile& frame : run.frames) all += std::filesystem::file_size(frame.path, gone);
+  const std::size_t step = static_cast<std::size_t>(all / kMaxFrameBytes) + 1;
+  for (std::size_t i = 0; i < run.frames.size(); i += step) {
+    try {
+      out["src"].push_back("data:image/png;base64," + base64(read_file(run.frames[i].path)));
+      out["t"].push_back(rounded_seconds(seconds_between(zero, run.frames[i].t)));
+    } catch (const DataError& e) {
+      notes.emplace_back(e.what());
+    }
+  }
   return out;
 }
 
@@ -216,6 +232,7 @@ PageData page_data(const RunFolder& run) {
   data["panels"] = panels_json(panels);
   data["trackLengths"] = track_lengths_json(run.lines);
   data["events"] = events_json(run, zero, page.events, notes);
+  data["frames"] = frames_json(run, zero, notes);
   data["files"] = Json::array();
   for (const auto& [name, text] :
        {std::pair{"config.yaml", &run.config_yaml}, std::pair{"rig.yaml", &run.rig_yaml}})

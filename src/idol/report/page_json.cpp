@@ -17,6 +17,16 @@ double rounded(double value) {
 
 double rounded_seconds(double s) { return std::round(s * 1e4) / 1e4; }
 
+Json path_json(std::span<const StampedPose> path, Time zero) {
+  Json t = Json::array(), p = Json::array(), q = Json::array();
+  for (const StampedPose& pose : path) {
+    t.push_back(rounded_seconds(seconds_between(zero, pose.t)));
+    for (double v : pose.T.p) p.push_back(rounded(v));
+    for (double v : pose.T.q.coeffs()) q.push_back(rounded(v));
+  }
+  return {{"t", t}, {"p", p}, {"q", q}};
+}
+
 Json lines_json(std::span<const Line> lines, Time zero) {
   Json out;
   for (const char* column : {"id", "a", "b", "first", "last", "windows", "colour"})

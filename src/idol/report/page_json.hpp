@@ -18,6 +18,9 @@ double rounded(double value);
 /// Tenths of a millisecond.
 double rounded_seconds(double s);
 
+/// Columns t [s since zero], p (three numbers a pose) and q (four: x y z w).
+Json path_json(std::span<const StampedPose> path, Time zero);
+
 /// Columns id, a, b (three numbers a line), first, last [s since zero], windows, colour (of line_palette()).
 Json lines_json(std::span<const Line> lines, Time zero);
 

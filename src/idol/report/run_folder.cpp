@@ -119,6 +119,7 @@ RunFolder read_run_folder(const fs::path& dir) {
   if (!run.rig_yaml.empty())
     collect.take(run.camera_model, "rig.yaml", "",
                  [&](const fs::path& path) { return find_camera(dir, path); });
+  run.frames = find_frames(dir / "frames");
   if (!collect.found())
     throw DataError(
         fmt::format("{}: holds nothing of a run (no stats.json, no trajectory); give the folder 'idol run "

@@ -10,6 +10,7 @@
 #include "idol/base/camera.hpp"
 #include "idol/base/types.hpp"
 #include "idol/report/event_log.hpp"
+#include "idol/report/frames.hpp"
 
 namespace idol {
 
@@ -31,6 +32,7 @@ struct RunFolder {
   CsvColumns windows;
   std::optional<Camera> camera_model;  ///< of rig.yaml
   std::string stats_json, evaluation_json, config_yaml, rig_yaml;
+  std::vector<FrameFile> frames;    ///< undistorted
   std::vector<ShownWindow> events;  ///< what is shown of each window's events
   std::vector<std::string> notes;
 };

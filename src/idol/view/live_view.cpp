@@ -24,6 +24,13 @@ std::string message(const char* event, const Json& data) {
   return fmt::format("event: {}\ndata: {}\n\n", event, safe_text(data));
 }
 
+Json pose_json(const Pose& T) {
+  Json p = Json::array(), q = Json::array();
+  for (double v : T.p) p.push_back(rounded(v));
+  for (double v : T.q.coeffs()) q.push_back(rounded(v));
+  return {{"p", p}, {"q", q}};
+}
+
 }  // namespace
 
 LiveView::LiveView(std::string name, const Rig& rig, int port)
@@ -65,7 +72,6 @@ void LiveView::add(const Estimate& e, const Sight& sight) {
     const std::lock_guard lock(mutex_);
     path_.push_back({e.state.t, e.state.T_w_i * e.smoother.projection().T_i_c});
     rows_.push_back(row);
-    frame->number = rows_.size();
     frame_ = std::move(frame);
   }
   changed_.notify_all();
@@ -122,12 +128,6 @@ std::string LiveView::next(std::size_t& seen) {
     seen = path_.size();
   }
   // What takes time is done without the lock.
-  Json poses{{"t", Json::array()}, {"p", Json::array()}, {"q", Json::array()}};
-  for (const StampedPose& pose : path) {
-    poses["t"].push_back(rounded_seconds(seconds_between(zero, pose.t)));
-    for (double v : pose.T.p) poses["p"].push_back(rounded(v));
-    for (double v : pose.T.q.coeffs()) poses["q"].push_back(rounded(v));
-  }
   Json columns;
   const auto add_column = [&](const char* name, const auto& value) {
     columns[name] = Json::array();
@@ -148,10 +148,10 @@ std::string LiveView::next(std::size_t& seen) {
   const std::string packed =
       pack_events(frame->sight.events, rig_.camera.width, rig_.camera.height, kMostShownEvents, shown);
   return message("update", {{"reset", first},
-                            {"path", poses},
+                            {"path", path_json(path, zero)},
                             {"rows", columns},
                             {"lines", lines_json(frame->sight.lines, zero)},
-                            {"frame", frame->number},
+                            {"pose", pose_json(frame->sight.T_w_c)},
                             {"events",
                              {{"t", rounded_seconds(seconds_between(zero, frame->sight.t))},
                               {"own", frame->own},

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <condition_variable>
-#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -41,7 +40,6 @@ class LiveView {
   };
   // What the newest window shows.
   struct Frame {
-    std::uint64_t number = 0;
     Sight sight;
     std::size_t own = 0;  // events of the whole window
   };

@@ -10,6 +10,7 @@ namespace idol {
 
 struct Sight {
   Time t = 0;                        ///< the window's middle
+  Pose T_w_c;                        ///< of the camera, then
   std::vector<PictureEvent> events;  ///< those around it: picture_events()
   std::vector<Line> lines;           ///< mapped lines that the window saw
 };
