@@ -7,29 +7,18 @@
 namespace idol {
 namespace {
 
-constexpr double kFastestScale = 0.001, kSlowestScale = 0.025;  // [s/px]
+constexpr double kSlowestScale = 0.025;            // [s/px]
 constexpr int kCell = 2;                           // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = LineTrack::kOutside;  // events this far beyond an end are looked at [px]
-constexpr double kEndFade = 0.6;                   // of the counts about the ends at each look
-constexpr float kEndDensity = 0.5F;  // of the line's density: where it falls below, the line ends
-constexpr float kGapFade = 0.85F;    // of the counts along a line at each look
-constexpr float kGapEvents = 16;     // expected in two pixels, at least, before none there means a gap
-constexpr float kGapDensity = 0.12F;  // of the line's, at most, in two pixels of a gap
-constexpr double kFlowSigma = 0.2;   // of a line's motion about the flow, over the usual speed
-constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
-constexpr double kEventSigma = 0.55;    // scatter of an edge's events across it [px]
-constexpr double kBatchSigma = 0.2;     // what the events of a batch err together [px]
-constexpr double kAcceleration = 1e6;   // spectral density of the image acceleration [px^2/s^3]
-constexpr double kConfirmTravel = 3;    // motion before a track gets known [px]
-constexpr double kFade = 0.6;           // of the statistics at each look
-constexpr float kCoreGate = 0.67F;      // of the gate: near the line
-constexpr float kParallel = 0.99F;      // cosine between two pieces of one line
-constexpr double kMinCore = 0.6;        // share of near events among near and ring, else texture
-constexpr double kSure = 2;             // standard deviations of the noise
-constexpr double kMinDensity = 0.12;    // events per px of line and px of motion
-constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an event
-constexpr double kNoiseMemory = 0.2;    // [s]
-constexpr int kHot = 24;                // unsupported events in half a second or so
+constexpr double kStopTime = 0.03;                 // in which a line without events comes to rest [s]
+constexpr double kLostMemory = 0.6;                // how long after its last event a line may come back [s]
+constexpr double kFlowSigma = 0.2;                 // of a line's motion about the flow, over the usual speed
+constexpr double kEventSigma = 0.55;               // scatter of an edge's events across it [px]
+constexpr double kBatchSigma = 0.2;                // what the events of a batch err together [px]
+constexpr double kAcceleration = 1e6;              // spectral density of the image acceleration [px^2/s^3]
+constexpr double kMostByChance = 0.35;             // neighbours that noise may give to an event
+constexpr double kNoiseMemory = 0.2;               // [s]
+constexpr int kHot = 24;                           // unsupported events in half a second or so
 
 // Room for the counts along the line and a little beyond its ends.
 void cover(LineTrack& track) {
@@ -110,6 +99,7 @@ LineId LineTracker::final_id(LineId id) const {
 
 void LineTracker::forget_before(Time t) {
   for (const auto& track : tracks_) known_.at(track.id).last_event = t;
+  for (const auto& track : lost_) known_.at(track.id).last_event = t;
   for (const auto& [id, known] : known_)
     if (known.last_event >= t)
       for (LineId next = known.merged_into; next != kNoLine; next = known_.at(next).merged_into)
@@ -121,14 +111,16 @@ void LineTracker::forget_before(Time t) {
 void LineTracker::turn(Time from, const Vec3& omega) {
   if (omega_) {
     const Vec3 change = omega - *omega_;
-    for (LineTrack& track : tracks_) {
+    const auto turn_one = [&](LineTrack& track) {
       advance(track, from);
       const Eigen::Vector2d half = std::max(1.0, 0.5 * (track.hi - track.lo)) * track.dir;
       const Eigen::Vector2d a = undistort_->rotational_flow(track.centre - half, change);
       const Eigen::Vector2d b = undistort_->rotational_flow(track.centre + half, change);
       track.x[2] += track.normal.dot(a + b) / 2;
       track.x[3] += track.normal.dot(b - a) / (2 * half.norm());
-    }
+    };
+    std::for_each(tracks_.begin(), tracks_.end(), turn_one);
+    std::for_each(lost_.begin(), lost_.end(), turn_one);
   }
   omega_ = omega;
 }
@@ -322,12 +314,15 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   const double duration = std::clamp(seconds_between(last_batch_, end), 0.0, 5 * options_.batch_s);
   last_batch_ = end;
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
-    correct(tracks_[k], fast[k], background_ * duration);
+    correct(tracks_[k], fast[k], background_ * duration, duration);
     judge(tracks_[k], end);
     Known& known = known_.at(tracks_[k].id);
     known.normal = tracks_[k].normal;
     known.last_event = tracks_[k].last_event;
   }
+  for (LineTrack& track : tracks_)
+    if (!track.alive && track.confirmed) lost_.push_back(std::move(track));
+  std::erase_if(lost_, [&](const LineTrack& t) { return seconds_between(t.last_event, end) > kLostMemory; });
   std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
   std::move(parted_.begin(), parted_.end(), std::back_inserter(tracks_));
   parted_.clear();
@@ -376,13 +371,14 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     merge_lines(end);
     adapt_scale();
     fit_flow();
+    carry_lost(end);
     next_merge_ = end + from_seconds(0.01);
   }
 }
 
 // Two scalar measurements of a batch: mean distance of the near events, and tilt along the line.
 // `noise`: expected in the batch by chance [1/px], to be taken off all counts.
-void LineTracker::correct(LineTrack& track, const Fast& f, double noise) {
+void LineTracker::correct(LineTrack& track, const Fast& f, double noise, double duration) {
   if (f.wanted != 0) noise /= 2;  // of one polarity
   const double gate = options_.gate_px, strip = noise * (track.hi - track.lo) * 2 * gate;
   track.core += f.core - kCoreGate * strip, track.ring += f.ring - (2 - kCoreGate) * strip;
@@ -392,7 +388,11 @@ void LineTracker::correct(LineTrack& track, const Fast& f, double noise) {
   track.all += f.claimed - strip, track.unlooked += f.claimed - strip;
   if (std::abs(f.rate) > 25) track.contrast += f.rate > 0 ? f.pol : -f.pol;
   if (f.last > track.last_event) track.last_event = f.last;
-  if (f.n < 2) return;
+  if (f.n < 2) {  // an edge without events does not move
+    const double expected = kMinDensity * (track.hi - track.lo) * std::abs(track.x[2]) * duration;
+    if (expected > 1) track.x.tail<2>() *= std::exp(-duration / kStopTime);
+    return;
+  }
   const double n = f.n, u = f.u / n, r = f.r / n, t = f.t / n;
   track.bow += f.bow, track.bow_n += n, track.spread += f.rr - strip * gate * gate / 3;
   const auto update = [&](const Eigen::Vector4d& h, double z, double variance) {
@@ -414,170 +414,6 @@ void LineTracker::correct(LineTrack& track, const Fast& f, double noise) {
     update({0, 1, 0, t}, tilt + turn * t,
            kEventSigma * kEventSigma / uu + 12 * kBatchSigma * kBatchSigma / (length * length));
   }
-}
-
-// How far an end goes out, to where two pixels together have too few events; the counts move with it [px].
-double LineTracker::move_end(LineTrack::EndCounts& counts, float density) {
-  const int size = static_cast<int>(counts.size());
-  int end = 0;
-  while (end + 1 < size && counts[end] + counts[end + 1] > 2 * kEndDensity * density) ++end;
-  if (end > 0 && counts[end] > kEndDensity * density) ++end;
-  const int moved = end - LineTrack::kInside;
-  LineTrack::EndCounts shifted;
-  for (int k = 0; k < size; ++k) {
-    const int from = k + moved;
-    shifted[k] = from < 0 ? density : from < size ? counts[from] : 0;
-  }
-  counts = shifted;
-  return moved;
-}
-
-// After each few pixels of motion: is it still a line, and where does it end?
-void LineTracker::judge(LineTrack& track, Time now) {
-  const double length = track.hi - track.lo;
-  if (seconds_between(track.last_event, now) > options_.max_quiet_s) track.alive = false;
-  if (std::abs(track.x[2]) > 1.0 / (0.3 * kFastestScale) || std::abs(track.x[3]) > 60) track.alive = false;
-  // Ends: by events, so that slow motion has time.
-  if (track.unlooked > std::max(16.0, 0.8 * length)) {
-    const auto density = static_cast<float>(track.all / length);
-    if (density > 1) {
-      track.hi += move_end(track.at_hi, density);
-      track.lo -= move_end(track.at_lo, density);
-    }
-    track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
-    track.unlooked = 0;
-    part(track, now);
-    if (track.hi - track.lo < 0.7 * options_.min_length_px) track.alive = false;
-  }
-  if (track.fresh_travel < 1.5) return;
-  const double near = track.core + track.ring;
-  if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
-  const double excess = track.ring - (1 / kMinCore - 1) * track.core;
-  if (near > 30 && excess > kSure * std::sqrt((2 - kCoreGate) * track.noise)) track.alive = false;
-  const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
-  if (track.bow_n > 60 && bow > options_.max_bow_px) track.alive = false;
-  if (track.bow_n > 30 && track.spread > 0.64 * track.bow_n * options_.gate_px * options_.gate_px / 2.25)
-    track.alive = false;
-  if (track.alive && !track.confirmed && track.travel > kConfirmTravel && near > 40 &&
-      length >= options_.min_length_px && bow < options_.max_bow_px) {
-    track.confirmed = true;
-    known_.at(track.id).confirmed = true;
-  }
-  for (double* sum :
-       {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
-    *sum *= kFade;
-  track.fresh_travel *= kFade;
-}
-
-// At a gap inside, the longer piece goes on as this track, the other as a new one.
-void LineTracker::part(LineTrack& track, Time now) {
-  const auto bin = [&](double u) { return static_cast<std::ptrdiff_t>(u - track.along_at); };
-  const std::ptrdiff_t first = std::max<std::ptrdiff_t>(0, bin(track.lo));
-  const std::ptrdiff_t last = std::min(std::ssize(track.along) - 1, bin(track.hi));
-  float sum = 0;
-  for (std::ptrdiff_t k = first; k <= last; ++k) sum += track.along[k];
-  const float density = sum / static_cast<float>(std::max<std::ptrdiff_t>(1, last - first + 1));
-  std::ptrdiff_t gap = -1;
-  float least = 2 * kGapDensity * density;
-  for (std::ptrdiff_t k = first + 2; 2 * density > kGapEvents && k + 3 < last; ++k)
-    if (const float pair = track.along[k] + track.along[k + 1]; pair < least) {
-      least = pair;
-      gap = k;
-    }
-  if (gap >= 0) {
-    std::ptrdiff_t from = gap, to = gap + 2;
-    while (from > first && track.along[from - 1] < kEndDensity * density) --from;
-    while (to < last && track.along[to] < kEndDensity * density) ++to;
-    const double end = track.along_at + static_cast<double>(from), begin = track.along_at + static_cast<double>(to);
-    LineTrack other = track;
-    const bool low_is_longer = end - track.lo > track.hi - begin;
-    LineTrack& low = low_is_longer ? track : other;
-    LineTrack& high = low_is_longer ? other : track;
-    const double length = track.hi - track.lo;
-    low.hi = end, high.lo = begin;
-    const auto share = [&](LineTrack& t, LineTrack::EndCounts& cut) {
-      const double part = std::max(0.0, t.hi - t.lo) / length;
-      cut.setZero();
-      cut.head<LineTrack::kInside>() = static_cast<float>(t.all / length);
-      for (double* s : {&t.core, &t.ring, &t.contrast, &t.bow, &t.bow_n, &t.spread, &t.noise, &t.all}) *s *= part;
-    };
-    share(low, low.at_hi), share(high, high.at_lo);
-    if (other.hi - other.lo >= options_.min_length_px && std::ssize(tracks_) + std::ssize(parted_) < options_.max_lines) {
-      other.id = next_id_++;
-      other.born = now;
-      known_[other.id] = {kNoLine, other.confirmed, other.normal, other.last_event};
-      parted_.push_back(std::move(other));
-    }
-  }
-  for (float& count : track.along) count *= kGapFade;
-}
-
-void LineTracker::seed(const LineSeed& seed, Time now) {
-  if (std::ssize(tracks_) >= options_.max_lines) return;
-  LineTrack track;
-  track.centre = seed.centre;
-  track.normal = seed.normal;
-  track.dir = {seed.normal.y(), -seed.normal.x()};
-  track.lo = -seed.length / 2, track.hi = seed.length / 2;
-  track.x << 0, 0, seed.speed, 0;
-  const double slope = 1.0 / seed.length, rate = 0.2 * std::abs(seed.speed) + 20;
-  track.P = Eigen::Vector4d(0.25, slope * slope, rate * rate, 4).asDiagonal();
-  track.time = track.born = track.last_event = now;
-  // A line that is already followed here must not be followed twice.
-  for (LineTrack& other : tracks_) {
-    if (std::abs(other.dir.dot(track.dir)) < 0.985) continue;
-    const double dt = seconds_between(other.time, now);
-    double worst = 0;
-    double least = 1e9, most = -1e9;
-    for (const double u : {track.lo, track.hi}) {
-      const Eigen::Vector2d d = track.centre + u * track.dir - other.centre;
-      const double along = other.dir.dot(d);
-      worst = std::max(worst, std::abs(other.normal.dot(d) - other.x[0] - other.x[1] * along -
-                                       (other.x[2] + other.x[3] * along) * dt));
-      least = std::min(least, along), most = std::max(most, along);
-    }
-    if (worst > 1.5 || least > other.hi - kOverlap || most < other.lo + kOverlap) continue;
-    other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
-    return;
-  }
-  track.id = next_id_++;
-  known_[track.id] = {kNoLine, false, track.normal, now};
-  tracks_.push_back(track);
-}
-
-// Two tracks on one line with one motion: the older goes on with both extents.
-void LineTracker::merge_lines(Time now) {
-  for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    LineTrack& a = tracks_[i];
-    if (!a.alive) continue;
-    predict(a, now);
-    for (std::size_t j = i + 1; j < tracks_.size(); ++j) {
-      LineTrack& b = tracks_[j];
-      if (!b.alive || std::abs(a.dir.dot(b.dir)) < 0.99) continue;
-      predict(b, now);
-      const double same = a.dir.dot(b.dir) > 0 ? 1 : -1;
-      double worst = 0, least = 1e9, most = -1e9;
-      for (const double u : {b.lo, b.hi}) {
-        const Eigen::Vector2d d = b.centre + u * b.dir - a.centre;
-        worst = std::max(worst, std::abs(a.normal.dot(d)));
-        least = std::min(least, a.dir.dot(d)), most = std::max(most, a.dir.dot(d));
-      }
-      if (worst > 1.2 || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
-      const double at = a.dir.dot(b.centre - a.centre);
-      if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
-      if (a.contrast * b.contrast * same < 0 && std::abs(a.contrast) > 0.5 * a.core &&
-          std::abs(b.contrast) > 0.5 * b.core)
-        continue;  // the two edges of a thin bar
-      a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
-      b.alive = false;
-      known_.at(b.id).merged_into = a.id;
-      if (b.confirmed && !a.confirmed) {
-        a.confirmed = true;
-        known_.at(a.id).confirmed = true;
-      }
-    }
-  }
-  std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
 }
 
 // One pixel of motion should count like one pixel of distance: c = 1 / median speed, followed slowly.

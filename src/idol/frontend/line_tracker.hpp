@@ -108,23 +108,32 @@ class LineTracker {
   void predict(LineTrack& track, Time t) const;
   void advance(LineTrack& track, Time t) const;
   void draw(std::uint16_t index, const Fast& line, float band);
-  void correct(LineTrack& track, const Fast& sums, double noise);
+  void correct(LineTrack& track, const Fast& sums, double noise, double duration);
   void judge(LineTrack& track, Time now);
   void part(LineTrack& track, Time now);
+  void confirm(LineTrack& track, Time now);
   static void count_end(LineTrack::EndCounts& counts, float beyond);
   static double move_end(LineTrack::EndCounts& counts, float density);
   void seed(const LineSeed& seed, Time now);
+  void carry_lost(Time now);
   void merge_lines(Time now);
   void adapt_scale();
   void fit_flow();
   /// Image velocity there, by the motion of all lines [px/s].
   [[nodiscard]] Eigen::Vector2d flow(const Eigen::Vector2d& px) const;
 
+  static constexpr double kFastestScale = 0.001;  // [s/px]
+  static constexpr float kCoreGate = 0.67F;       // of the gate: near the line
+  static constexpr float kParallel = 0.99F;       // cosine between two pieces of one line
+  static constexpr double kMinDensity = 0.12;     // events per px of line and px of motion
+
   TrackOptions options_;
   const UndistortMap* undistort_;
   LineDetector detector_;
   std::vector<LineTrack> tracks_;
   std::vector<LineTrack> parted_;  // pieces that the batch at hand has cut off
+  std::vector<LineTrack>
+      lost_;  // confirmed ones that ended of late, moved on: a new one there goes on as them
   // What is still asked of a track after its end.
   struct Known {
     LineId merged_into = kNoLine;

@@ -1,0 +1,249 @@
+// From a track's birth to its end: is it a line, where does it end, is it one with another, has it been here
+// before?
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+
+#include "idol/frontend/line_tracker.hpp"
+
+namespace idol {
+namespace {
+
+constexpr double kEndFade = 0.6;      // of the counts about the ends at each look
+constexpr float kEndDensity = 0.5F;   // of the line's density: where it falls below, the line ends
+constexpr double kNoisy = 0.05;       // share of noise among a line's events that makes one look uncertain
+constexpr double kLostNear = 3;       // of its place then, at most [px]
+constexpr float kGapFade = 0.85F;     // of the counts along a line at each look
+constexpr float kGapEvents = 16;      // expected in two pixels, at least, before none there means a gap
+constexpr float kGapDensity = 0.12F;  // of the line's, at most, in two pixels of a gap
+constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
+constexpr double kConfirmTravel = 3;  // motion before a track gets known [px]
+constexpr double kFade = 0.6;         // of the statistics at each look
+constexpr double kMinCore = 0.6;      // share of near events among near and ring, else texture
+constexpr double kSure = 2;           // standard deviations of the noise
+
+// How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
+struct Extent {
+  double worst = 0, least = 1e9, most = -1e9;
+};
+Extent extent_on(const LineTrack& a, const LineTrack& b) {
+  Extent out;
+  for (const double u : {b.lo, b.hi}) {
+    const Eigen::Vector2d d = b.centre + u * b.dir - a.centre;
+    out.worst = std::max(out.worst, std::abs(a.normal.dot(d)));
+    out.least = std::min(out.least, a.dir.dot(d)), out.most = std::max(out.most, a.dir.dot(d));
+  }
+  return out;
+}
+
+// Two edges of one place and direction that fire with opposite polarities cannot be one.
+bool opposite(const LineTrack& a, const LineTrack& b) {
+  const double same = a.dir.dot(b.dir) > 0 ? 1 : -1;
+  return same * a.contrast * b.contrast < 0 && std::abs(a.contrast) > 0.5 * a.core &&
+         std::abs(b.contrast) > 0.5 * b.core;
+}
+
+// Where a gap inside the line begins and ends, by the counts along it.
+std::optional<std::pair<double, double>> find_gap(const LineTrack& track) {
+  const std::ptrdiff_t first =
+      std::max<std::ptrdiff_t>(0, static_cast<std::ptrdiff_t>(track.lo - track.along_at));
+  const std::ptrdiff_t last =
+      std::min(std::ssize(track.along), static_cast<std::ptrdiff_t>(track.hi - track.along_at) + 1);
+  if (last - first < 8) return std::nullopt;
+  const auto begin = track.along.begin();
+  const float density = std::accumulate(begin + first, begin + last, 0.0F) / static_cast<float>(last - first);
+  if (2 * density < kGapEvents) return std::nullopt;
+  std::ptrdiff_t from = -1;
+  float least = 2 * kGapDensity * density;
+  for (std::ptrdiff_t k = first + 2; k + 4 < last; ++k)
+    if (const float pair = begin[k] + begin[k + 1]; pair < least) {
+      least = pair;
+      from = k;
+    }
+  if (from < 0) return std::nullopt;
+  std::ptrdiff_t to = from + 2;
+  while (from > first && begin[from - 1] < kEndDensity * density) --from;
+  while (to + 1 < last && begin[to] < kEndDensity * density) ++to;
+  return std::pair(track.along_at + static_cast<double>(from), track.along_at + static_cast<double>(to));
+}
+
+}  // namespace
+
+// How far an end goes out, to where two pixels together have too few events; the counts move with it [px].
+double LineTracker::move_end(LineTrack::EndCounts& counts, float density) {
+  const int size = static_cast<int>(counts.size());
+  int end = 0;
+  while (end + 1 < size && counts[end] + counts[end + 1] > 2 * kEndDensity * density) ++end;
+  if (end > 0 && counts[end] > kEndDensity * density) ++end;
+  const int moved = end - LineTrack::kInside;
+  LineTrack::EndCounts shifted;
+  for (int k = 0; k < size; ++k) {
+    const int from = k + moved;
+    shifted[k] = from < 0 ? density : from < size ? counts[from] : 0;
+  }
+  counts = shifted;
+  return moved;
+}
+// After each few pixels of motion: is it still a line, and where does it end?
+void LineTracker::judge(LineTrack& track, Time now) {
+  const double length = track.hi - track.lo;
+  if (seconds_between(track.last_event, now) > options_.max_quiet_s) track.alive = false;
+  if (std::abs(track.x[2]) > 1.0 / (0.3 * kFastestScale) || std::abs(track.x[3]) > 60) track.alive = false;
+  // Ends: by events, so that slow motion has time.
+  if (track.unlooked > std::max(16.0, 0.8 * length)) {
+    const auto density = static_cast<float>(track.all / length);
+    if (density > 1) {
+      track.hi += move_end(track.at_hi, density);
+      track.lo -= move_end(track.at_lo, density);
+    }
+    track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
+    track.unlooked = 0;
+    part(track, now);
+    if (track.hi - track.lo < 0.7 * options_.min_length_px) track.alive = false;
+  }
+  if (track.fresh_travel < 1.5) return;
+  const double near = track.core + track.ring;
+  if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
+  const double excess = track.ring - (1 / kMinCore - 1) * track.core;
+  double variance = (2 - kCoreGate) * track.noise;
+  if (track.noise > kNoisy * near) variance += std::max(0.0, track.ring) + std::max(0.0, track.core) / 2;
+  if (near > 30 && excess > kSure * std::sqrt(variance)) track.alive = false;
+  const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
+  if (track.bow_n > 60 && bow > options_.max_bow_px) track.alive = false;
+  if (track.bow_n > 30 && track.spread > 0.64 * track.bow_n * options_.gate_px * options_.gate_px / 2.25)
+    track.alive = false;
+  if (track.alive && !track.confirmed && track.travel > kConfirmTravel && near > 40 &&
+      length >= options_.min_length_px && bow < options_.max_bow_px) {
+    confirm(track, now);
+  }
+  for (double* sum :
+       {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
+    *sum *= kFade;
+  track.fresh_travel *= kFade;
+}
+// A track gets known; where one ended of late, which would now lie here, it is that one.
+void LineTracker::confirm(LineTrack& track, Time now) {
+  track.confirmed = true;
+  known_.at(track.id).confirmed = true;
+  const double length = track.hi - track.lo;
+  auto found = lost_.end();
+  double nearest = kLostNear;
+  for (auto it = lost_.begin(); it != lost_.end(); ++it) {
+    LineTrack& lost = *it;
+    if (std::abs(lost.dir.dot(track.dir)) < kParallel) continue;
+    advance(lost, now);
+    const auto [worst, least, most] = extent_on(lost, track);
+    const double overlap = std::min(most, lost.hi) - std::max(least, lost.lo);
+    if (worst > nearest || overlap < 0.5 * std::min(length, lost.hi - lost.lo)) continue;
+    if (opposite(track, lost)) continue;
+    nearest = worst;
+    found = it;
+  }
+  if (found == lost_.end()) return;
+  known_.at(track.id).merged_into = found->id;
+  track.id = found->id;
+  track.born = found->born;
+  lost_.erase(found);
+}
+// At a gap inside, the longer piece goes on as this track, the other as a new one.
+void LineTracker::part(LineTrack& track, Time now) {
+  const auto gap = find_gap(track);
+  for (float& count : track.along) count *= kGapFade;
+  if (!gap) return;
+  const auto [end, begin] = *gap;
+  const double length = track.hi - track.lo;
+  LineTrack other = track;
+  const bool low_is_longer = end - track.lo > track.hi - begin;
+  LineTrack& low = low_is_longer ? track : other;
+  LineTrack& high = low_is_longer ? other : track;
+  low.hi = end, high.lo = begin;
+  const auto share = [&](LineTrack& piece, LineTrack::EndCounts& cut) {
+    const double part = std::max(0.0, piece.hi - piece.lo) / length;
+    cut.setZero();
+    cut.head<LineTrack::kInside>() = static_cast<float>(piece.all / length);
+    for (double* sum : {&piece.core, &piece.ring, &piece.contrast, &piece.bow, &piece.bow_n, &piece.spread,
+                        &piece.noise, &piece.all})
+      *sum *= part;
+  };
+  share(low, low.at_hi), share(high, high.at_lo);
+  if (other.hi - other.lo < options_.min_length_px ||
+      std::ssize(tracks_) + std::ssize(parted_) >= options_.max_lines)
+    return;
+  other.id = next_id_++;
+  other.born = now;
+  known_[other.id] = {kNoLine, other.confirmed, other.normal, other.last_event};
+  parted_.push_back(std::move(other));
+}
+
+void LineTracker::seed(const LineSeed& seed, Time now) {
+  if (std::ssize(tracks_) >= options_.max_lines) return;
+  LineTrack track;
+  track.centre = seed.centre;
+  track.normal = seed.normal;
+  track.dir = {seed.normal.y(), -seed.normal.x()};
+  track.lo = -seed.length / 2, track.hi = seed.length / 2;
+  track.x << 0, 0, seed.speed, 0;
+  const double slope = 1.0 / seed.length, rate = 0.2 * std::abs(seed.speed) + 20;
+  track.P = Eigen::Vector4d(0.25, slope * slope, rate * rate, 4).asDiagonal();
+  track.time = track.born = track.last_event = now;
+  // A line that is already followed here must not be followed twice.
+  for (LineTrack& other : tracks_) {
+    if (std::abs(other.dir.dot(track.dir)) < 0.985) continue;
+    const double dt = seconds_between(other.time, now);
+    double worst = 0;
+    double least = 1e9, most = -1e9;
+    for (const double u : {track.lo, track.hi}) {
+      const Eigen::Vector2d d = track.centre + u * track.dir - other.centre;
+      const double along = other.dir.dot(d);
+      worst = std::max(worst, std::abs(other.normal.dot(d) - other.x[0] - other.x[1] * along -
+                                       (other.x[2] + other.x[3] * along) * dt));
+      least = std::min(least, along), most = std::max(most, along);
+    }
+    if (worst > 1.5 || least > other.hi - kOverlap || most < other.lo + kOverlap) continue;
+    other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
+    return;
+  }
+  track.id = next_id_++;
+  known_[track.id] = {kNoLine, false, track.normal, now};
+  tracks_.push_back(track);
+}
+// Lines without events move as the others around them do.
+void LineTracker::carry_lost(Time now) {
+  for (LineTrack& lost : lost_) {
+    advance(lost, now);
+    const double half = std::max(1.0, 0.5 * (lost.hi - lost.lo));
+    const Eigen::Vector2d a = flow(lost.centre - half * lost.dir), b = flow(lost.centre + half * lost.dir);
+    lost.x[2] = lost.normal.dot(a + b) / 2;
+    lost.x[3] = lost.normal.dot(b - a) / (2 * half);
+  }
+}
+// Two tracks on one line with one motion: the older goes on with both extents.
+void LineTracker::merge_lines(Time now) {
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    LineTrack& a = tracks_[i];
+    if (!a.alive) continue;
+    predict(a, now);
+    for (std::size_t j = i + 1; j < tracks_.size(); ++j) {
+      LineTrack& b = tracks_[j];
+      if (!b.alive || std::abs(a.dir.dot(b.dir)) < 0.99) continue;
+      predict(b, now);
+      const double same = a.dir.dot(b.dir) > 0 ? 1 : -1;
+      const auto [worst, least, most] = extent_on(a, b);
+      if (worst > 1.2 || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
+      const double at = a.dir.dot(b.centre - a.centre);
+      if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
+      if (opposite(a, b)) continue;  // the two edges of a thin bar
+      a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
+      b.alive = false;
+      known_.at(b.id).merged_into = a.id;
+      if (b.confirmed && !a.confirmed) {
+        a.confirmed = true;
+        known_.at(a.id).confirmed = true;
+      }
+    }
+  }
+  std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
+}
+
+}  // namespace idol
