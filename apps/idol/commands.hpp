@@ -16,6 +16,8 @@ void add_convert(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
 void add_preintegrate(CLI::App& app, Action& action);
 void add_report(CLI::App& app, Action& action);
+void add_compare(CLI::App& app, Action& action);
+void add_view(CLI::App& app, Action& action);
 void add_completion(CLI::App& app, Action& action);
 void add_config(CLI::App& app, Action& action);
 

@@ -30,6 +30,8 @@ int main(int argc, char** argv) {
   idol::cli::add_info(app, action);
   idol::cli::add_preintegrate(app, action);
   idol::cli::add_report(app, action);
+  idol::cli::add_compare(app, action);
+  idol::cli::add_view(app, action);
   idol::cli::add_config(app, action);
   idol::cli::add_completion(app, action);
   try {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -12,7 +13,9 @@
 #include "idol/io/event_monitor.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/text_writer.hpp"
+#include "idol/report/frames.hpp"
 #include "idol/report/report.hpp"
+#include "idol/view/live_view.hpp"
 #include "run_recorder.hpp"
 #include "run_truth.hpp"
 
@@ -29,6 +32,8 @@ struct RunArguments {
   std::filesystem::path sequence, out, rig, imu_rig;
   double rate_hz = 0;
   bool live = false;
+  bool view = false;
+  int port = 0;
   OptionArguments options;
   SpanArguments span;
   StreamArguments streams;
@@ -43,8 +48,9 @@ void prepare_output(const std::filesystem::path& dir, Options options, const Rig
         fmt::format("{}: cannot be created: {}; give another --out", dir.string(), error.message()));
   for (const char* name :
        {"trajectory_camera.txt", "trajectory_imu.txt", "trajectory_camera_causal.txt",
-        "trajectory_imu_causal.txt", "states.csv", "lines.csv", "lines.ply", "windows.csv", "stats.json",
-        "rig_refined.yaml", "groundtruth_camera.txt", "evaluation.json", "report.html"})
+        "trajectory_imu_causal.txt", "states.csv", "states_causal.csv", "events_shown.bin", "lines.csv",
+        "lines.ply", "windows.csv", "stats.json", "rig_refined.yaml", "groundtruth_camera.txt",
+        "evaluation.json", "evaluation_causal.json", "report.html"})
     std::filesystem::remove(dir / name, error);
   std::vector<OptionField> fields;
   list_fields(options, fields);
@@ -173,6 +179,12 @@ Outcome estimate_and_write(Run& run) {
   if (run.odometry.started())
     figures = judge_against_truth(run.arguments.sequence, run.arguments.streams.choice, run.rig.T_i_c, out,
                                   summary.diagnostics);
+  if (run.odometry.started()) {
+    constexpr std::size_t kMostFrames = 240;
+    const auto& states = run.odometry.smoother().states();
+    write_frames(frames_of_recording(run.arguments.sequence), run.rig.camera, run.rig.time_offset_s,
+                 states.front().t, states.back().t, kMostFrames, out / "frames");
+  }
   run.recorder.write_stats(run.odometry, summary);
   if (run.odometry.started()) {
     write_report(out);
@@ -186,6 +198,11 @@ Outcome estimate_and_write(Run& run) {
     if (!figures.empty()) fmt::print("{}\n", figures);
   }
   return outcome;
+}
+
+// The last part of a path, also of one that ends in a slash.
+std::string shown_name(const std::filesystem::path& path) {
+  return (path.has_filename() ? path : path.parent_path()).filename().string();
 }
 
 int run(const RunArguments& arguments) {
@@ -214,8 +231,22 @@ int run(const RunArguments& arguments) {
           RunRecorder(arguments.out, rig, arguments.rate_hz),
           EventMonitor(rig.camera.width, rig.camera.height),
           std::move(summary)};
-  run.odometry.on_estimate([&](const Estimate& e) { run.recorder.add(e); });
+  std::optional<LiveView> view;
+  if (arguments.view) {
+    view.emplace(shown_name(arguments.sequence), rig, arguments.port);
+    fmt::print(stderr, "idol: watch it at {}\n", view->url());
+  }
+  const UndistortMap undistort(rig.camera);
+  run.odometry.on_estimate([&](const Estimate& e) {
+    const Sight sight = sight_of(e, undistort);
+    run.recorder.add(e, sight);
+    if (view) view->add(e, sight);
+  });
   const Outcome outcome = estimate_and_write(run);
+  if (view)
+    view->finish(outcome.exit == 0
+                     ? fmt::format("Its report is {}.", (arguments.out / "report.html").string())
+                     : outcome.message);
   // One line on a failure: its reason. The rest is in stats.json.
   if (outcome.exit != 1) print_warnings(run.summary.diagnostics);
   if (outcome.exit != 0) fmt::print(stderr, "idol: {}\n", outcome.message);
@@ -227,7 +258,9 @@ int run(const RunArguments& arguments) {
 void add_run(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<RunArguments>();
   auto* command = app.add_subcommand("run", "Estimate trajectory and 3D lines of a recording");
-  command->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")->required();
+  command
+      ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
+      ->required();
   command->add_option("--out", arguments->out, "folder for the results; created if missing")->required();
   command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
@@ -235,6 +268,12 @@ void add_run(CLI::App& app, Action& action) {
       ->check(CLI::PositiveNumber);
   command->add_flag("--live", arguments->live,
                     "play the recording in its own time, drop nothing, and measure the latency of each pose");
+  auto* view = command->add_flag("--view", arguments->view,
+                                 "let a browser on this computer watch the run; prints the address");
+  command->add_option("--port", arguments->port, "port for --view; 0: any that is free")
+      ->check(CLI::Range(0, 65535))
+      ->needs(view)
+      ->capture_default_str();
   arguments->options.declare(*command);
   arguments->span.declare(*command);
   arguments->streams.declare(*command);

@@ -10,7 +10,6 @@
 
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
-#include "picture_events.hpp"
 
 namespace idol::cli {
 namespace {
@@ -33,6 +32,15 @@ Trajectory poses(const std::vector<NavState>& states, const Pose& T_i_body) {
   return out;
 }
 
+SegmenterCounts difference(SegmenterCounts a, const SegmenterCounts& b) {
+  a.events -= b.events;
+  a.in_segments -= b.in_segments;
+  a.hot -= b.hot;
+  a.unsupported -= b.unsupported;
+  a.thinned -= b.thinned;
+  return a;
+}
+
 double peak_rss_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -42,7 +50,7 @@ double peak_rss_mb() {
 }  // namespace
 
 RunRecorder::RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz)
-    : dir_(std::move(dir)), rig_(rig), rate_hz_(rate_hz), undistort_(rig.camera) {}
+    : dir_(std::move(dir)), rig_(rig), rate_hz_(rate_hz), event_log_(rig.camera.width, rig.camera.height) {}
 
 void RunRecorder::publish(const Estimate& e) {
   const Time first = rows_.empty() ? e.window.begin : rows_.front().begin();
@@ -56,18 +64,21 @@ void RunRecorder::publish(const Estimate& e) {
   causal_mounting_.resize(causal_.size(), e.smoother.projection().T_i_c);
 }
 
-void RunRecorder::add(const Estimate& e) {
+void RunRecorder::add(const Estimate& e, const Sight& sight) {
   publish(e);
   Row row{e.window.end,
           seconds_between(e.window.begin, e.window.end),
           e.window.events.size() - e.window.overlap,
           e.segments.segments.size(),
+          sight.lines.size(),
+          difference(e.counts, counts_),
           e.segments.speed_px_s,
           e.stats,
           StateVec::Zero(),
           e.segment_s,
           e.integrate_s,
           e.solve_s};
+  counts_ = e.counts;
   if (const auto covariance = e.smoother.covariance()) row.sigma = covariance->diagonal().cwiseSqrt();
   if (replay_ && !e.window.events.empty()) {
     const Time last = e.window.events.back().t - from_seconds(rig_.time_offset_s);
@@ -78,7 +89,8 @@ void RunRecorder::add(const Estimate& e) {
     const std::lock_guard lock(rows_mutex_);
     rows_.push_back(row);
   }
-  if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e);
+  event_log_.add(sight.t, row.events, sight.events);
+  if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e, sight);
 }
 
 void RunRecorder::wait_until_due(Time event) {
@@ -107,7 +119,7 @@ std::optional<double> RunRecorder::first_good_pose_s() const {
 }
 
 // Events around the window's middle, and the lines where they were then.
-void RunRecorder::take_snapshot(const Estimate& e) {
+void RunRecorder::take_snapshot(const Estimate& e, const Sight& sight) {
   if (snapshots_.size() == kMaxSnapshots) {
     // Keep every other one and go on at half the pace: evenly spread, however long the run.
     for (std::size_t i = 0; 2 * i < snapshots_.size(); ++i) snapshots_[i] = std::move(snapshots_[2 * i]);
@@ -117,12 +129,11 @@ void RunRecorder::take_snapshot(const Estimate& e) {
   }
   Snapshot shot;
   shot.window = rows_.size() - 1;
-  shot.t = (e.window.begin + e.window.end) / 2;
-  shot.events = picture_events(e.window, e.segments, undistort_, shot.t);
+  shot.t = sight.t;
+  shot.events = sight.events;
   const Projection& projection = e.smoother.projection();
-  const Pose T_c_w = (e.smoother.state_at(shot.t).T_w_i * projection.T_i_c).inverse();
-  for (const Line& line : e.smoother.lines()) {
-    if (line.last < e.window.end) continue;
+  const Pose T_c_w = sight.T_w_c.inverse();
+  for (const Line& line : sight.lines) {
     const Vec3 a = T_c_w * line.a, b = T_c_w * line.b;
     if (a.z() > 0.05 && b.z() > 0.05)
       shot.lines.push_back({projection.camera.project(a), projection.camera.project(b), line.id});
@@ -135,6 +146,7 @@ void RunRecorder::write_results(const Odometry& odometry) const {
   write_trajectories(odometry);
   write_windows();
   write_pictures();
+  event_log_.write(dir_ / "events_shown.bin");
 }
 
 void RunRecorder::write_trajectories(const Odometry& odometry) const {
@@ -152,6 +164,7 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
   for (std::size_t k = 0; k < camera.size(); ++k) camera[k].T = camera[k].T * causal_mounting_[k];
   write_trajectory(dir_ / "trajectory_camera_causal.txt", camera);
   write_states(dir_ / "states.csv", smoother.states());
+  write_states(dir_ / "states_causal.csv", causal_);
   Rig refined = rig_;
   refined.T_i_c = smoother.projection().T_i_c;
   refined.camera = smoother.projection().camera;
@@ -164,14 +177,20 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
 
 void RunRecorder::write_windows() const {
   std::string text =
-      "t,duration_s,events,segments,speed_px_s,lines,residuals,iterations,cost,rms_px,mean_track_s,solve_s,"
-      "settled,sigma_px,sigma_py,sigma_pz,sigma_rx,sigma_ry,sigma_rz,sigma_vx,sigma_vy,sigma_vz,"
+      "t,duration_s,events,in_segments,hot,unsupported,thinned,segments,lines_seen,speed_px_s,lines,"
+      "residuals,"
+      "iterations,cost,rms_px,mean_track_s,segment_s,integrate_s,solve_s,latency_s,restarts,settled,"
+      "sigma_px,sigma_py,sigma_pz,sigma_rx,sigma_ry,sigma_rz,sigma_vx,sigma_vy,sigma_vz,"
       "sigma_bgx,sigma_bgy,sigma_bgz,sigma_bax,sigma_bay,sigma_baz,sigma_time_shift,sigma_event_lag\n";
   for (const auto& r : rows_) {
-    text += fmt::format("{},{:.6f},{},{},{:.2f},{},{},{},{:.6g},{:.4f},{:.4f},{:.6f},{:d}", format_stamp(r.t),
-                        r.duration_s, r.events, r.segments, r.speed_px_s, r.stats.lines, r.stats.residuals,
-                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s, r.solve_s,
-                        r.stats.settled);
+    const SegmenterCounts& n = r.counts;
+    text +=
+        fmt::format("{},{:.6f},{},{},{},{},{},{},{},{:.2f}", format_stamp(r.t), r.duration_s, r.events,
+                    n.in_segments, n.hot, n.unsupported, n.thinned, r.segments, r.lines_seen, r.speed_px_s);
+    text += fmt::format(",{},{},{},{:.6g},{:.4f},{:.4f}", r.stats.lines, r.stats.residuals,
+                        r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s);
+    text += fmt::format(",{:.6f},{:.6f},{:.6f},{},{},{:d}", r.segment_s, r.integrate_s, r.solve_s,
+                        replay_ ? fmt::format("{:.6f}", r.latency_s) : "nan", r.stats.restarts, r.stats.settled);
     for (double sigma : r.sigma) text += fmt::format(",{:.4g}", sigma);
     text += '\n';
   }

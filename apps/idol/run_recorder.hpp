@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "idol/odometry/odometry.hpp"
+#include "idol/report/event_log.hpp"
 #include "idol/report/picture.hpp"
+#include "idol/view/sight.hpp"
 
 namespace idol::cli {
 
@@ -22,7 +24,7 @@ class RunRecorder {
   RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz);
 
   /// In any thread, one call at a time.
-  void add(const Estimate& estimate);
+  void add(const Estimate& estimate, const Sight& sight);
 
   /// Live replay: returns when as much time has passed since the first call as between its event and this
   /// one.
@@ -39,8 +41,8 @@ class RunRecorder {
     double read_s = 0;
     Diagnostics diagnostics;
   };
-  /// Trajectories, states, lines, windows and pictures, if there is an estimate. Throws DataError when the
-  /// disk refuses.
+  /// Trajectories, states, lines, windows, pictures and shown events, if there is an estimate. Throws
+  /// DataError when the disk refuses.
   void write_results(const Odometry& odometry) const;
   /// stats.json. Throws DataError when the disk refuses.
   void write_stats(const Odometry& odometry, const Summary& summary) const;
@@ -61,7 +63,9 @@ class RunRecorder {
     Time t = 0;
     double duration_s = 0;
     std::size_t events = 0, segments = 0;
-    double speed_px_s = 0;  // of the segments across themselves, median
+    std::size_t lines_seen = 0;  // mapped ones among the segments
+    SegmenterCounts counts;      // of this window alone
+    double speed_px_s = 0;       // of the segments across themselves, median
     SolveStats stats;
     StateVec sigma = StateVec::Zero();
     double segment_s = 0, integrate_s = 0, solve_s = 0;
@@ -82,7 +86,7 @@ class RunRecorder {
 
   void publish(const Estimate& estimate);
   [[nodiscard]] std::optional<double> first_good_pose_s() const;
-  void take_snapshot(const Estimate& estimate);
+  void take_snapshot(const Estimate& estimate, const Sight& sight);
   void write_trajectories(const Odometry& odometry) const;
   void write_windows() const;
   void write_pictures() const;
@@ -90,11 +94,12 @@ class RunRecorder {
   std::filesystem::path dir_;
   Rig rig_;
   double rate_hz_;
-  UndistortMap undistort_;
   std::vector<NavState> causal_;
   std::vector<Pose> causal_mounting_;  // of the camera, as known then
   mutable std::mutex rows_mutex_;      // the thread that reads asks how far it is
   std::vector<Row> rows_;
+  SegmenterCounts counts_;
+  EventLog event_log_;
   std::optional<Replay> replay_;
   std::vector<Snapshot> snapshots_;
   std::size_t snapshot_every_ = 1;

@@ -47,19 +47,24 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
     diagnostics.warn("bad_groundtruth", fmt::format("{}; the run is not compared with it", e.what()));
     return {};
   }
-  // Read back, so that the figures are those of the file to the last digit.
+  // Read back, so that the figures are those of the files to the last digit.
   const Trajectory estimate = read_trajectory(out / "trajectory_camera.txt");
-  Evaluation evaluation;
-  try {
-    evaluation = evaluate(estimate, *truth, {});
-  } catch (const DataError& e) {
-    diagnostics.warn("bad_groundtruth", fmt::format("{}: ground truth: {}; the run is not compared with it",
-                                                    sequence.string(), e.what()));
-    return {};
-  }
+  const auto judge = [&](const Trajectory& trajectory, const char* file) -> std::optional<Evaluation> {
+    try {
+      const Evaluation evaluation = evaluate(trajectory, *truth, {});
+      write_text_file(out / file, evaluation_json(evaluation));
+      return evaluation;
+    } catch (const DataError& e) {
+      diagnostics.warn("bad_groundtruth", fmt::format("{}: ground truth: {}; the run is not compared with it",
+                                                      sequence.string(), e.what()));
+      return std::nullopt;
+    }
+  };
+  const auto smoothed = judge(estimate, "evaluation.json");
+  if (!smoothed) return {};
+  judge(read_trajectory(out / "trajectory_camera_causal.txt"), "evaluation_causal.json");
   write_trajectory(out / "groundtruth_camera.txt", part_of(*truth, estimate.front().t, estimate.back().t));
-  write_text_file(out / "evaluation.json", evaluation_json(evaluation));
-  return full_figures(evaluation);
+  return full_figures(*smoothed);
 }
 
 }  // namespace idol::cli

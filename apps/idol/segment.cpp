@@ -13,7 +13,7 @@
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/picture.hpp"
-#include "picture_events.hpp"
+#include "idol/report/picture_events.hpp"
 
 namespace idol::cli {
 namespace {
@@ -155,8 +155,7 @@ void add_segment(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<SegmentArguments>();
   auto* command = app.add_subcommand("segment", "Cluster events into line segments; no IMU needed");
   command
-      ->add_option("SEQUENCE", arguments->sequence,
-                   "recording: a folder or file of any format that is read")
+      ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
       ->required();
   command->add_option("--out", arguments->out, "text file: t x y p segment_id, -1 for none")->required();
   command->add_option("--rig", arguments->rig,

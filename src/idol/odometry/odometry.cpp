@@ -154,6 +154,7 @@ void Odometry::segment(EventWindow&& window) {
   done->samples = imu_.slice(window.begin, window.end, options_.imu.margin_samples);
   done->segments = segmenter_->process(window, camera_rates(done->samples));
   done->window = std::move(window);
+  done->counts = segmenter_->counts();
   done->segment_s = watch.lap();
   // What carries the newest estimate on stays.
   const auto known = newest();
@@ -200,7 +201,7 @@ void Odometry::estimate(const Segmented& segmented) {
   }
   if (listener_)
     listener_({smoother_->latest(), window, segments, *smoother_, stats, segmented.segment_s, integrate_s,
-               watch.lap()});
+               watch.lap(), segmented.counts});
 }
 
 std::optional<NavState> Odometry::newest() const {

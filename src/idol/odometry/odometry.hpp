@@ -63,6 +63,7 @@ struct Estimate {
   const Backend& smoother;
   SolveStats stats;
   double segment_s = 0, integrate_s = 0, solve_s = 0;  ///< wall time of the stages
+  SegmenterCounts counts;                              ///< of all events up to this window
 };
 
 class Odometry {
@@ -105,6 +106,7 @@ class Odometry {
     SegmentedWindow segments;
     std::vector<ImuSample> samples;
     double segment_s = 0;
+    SegmenterCounts counts;
   };
   void segment(EventWindow&& window);
   void estimate(const Segmented& segmented);

@@ -1,37 +1,18 @@
 #include "idol/report/curves.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <optional>
 
 #include "idol/eval/metrics.hpp"
+#include "idol/report/state_curves.hpp"
 
 namespace idol {
 namespace {
 
-constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-/// Half the span that ground truth is differentiated over: long enough for motion capture's noise [s].
-constexpr double kVelocityHalfSpan = 0.025;
 /// Buckets per curve: more than the page has pixels.
 constexpr std::size_t kBuckets = 1200;
-
-using Axes = std::array<const char*, 3>;
-constexpr Axes kXyz = {"x", "y", "z"};
-
-/// Three series out of one vector a sample.
-void add_vectors(Panel& panel, const Axes& names, const std::string& style, const std::vector<double>& t,
-                 const std::vector<Vec3>& values) {
-  if (t.empty()) return;
-  for (int axis = 0; axis < 3; ++axis) {
-    Series s{names[static_cast<std::size_t>(axis)], axis, style, t, {}};
-    for (const Vec3& v : values) s.y.push_back(v[axis]);
-    panel.series.push_back(std::move(s));
-  }
-}
 
 std::vector<double> seconds_of(const Trajectory& trajectory, Time zero) {
   std::vector<double> t;
@@ -39,101 +20,17 @@ std::vector<double> seconds_of(const Trajectory& trajectory, Time zero) {
   return t;
 }
 
-std::vector<Vec3> positions_of(const Trajectory& trajectory) {
-  std::vector<Vec3> p;
-  for (const StampedPose& pose : trajectory) p.push_back(pose.T.p);
-  return p;
-}
-
-/// z-y-x Euler angles, without jumps, roll and yaw on the branch nearest to `start` [deg].
-std::vector<Vec3> roll_pitch_yaw(const Trajectory& trajectory, std::optional<Vec3> start) {
-  std::vector<Vec3> angles;
-  for (const StampedPose& pose : trajectory) {
-    const Mat3 R = pose.T.R();
-    Vec3 rpy(std::atan2(R(2, 1), R(2, 2)), -std::asin(std::clamp(R(2, 0), -1.0, 1.0)),
-             std::atan2(R(1, 0), R(0, 0)));
-    rpy *= kDegrees;
-    if (start)
-      for (int axis : {0, 2}) rpy[axis] += 360.0 * std::round(((*start)[axis] - rpy[axis]) / 360.0);
-    angles.push_back(rpy);
-    start = rpy;
-  }
-  return angles;
-}
-
-Panel position_panel(const RunFolder& run, const AlignedTruth& truth, Time zero) {
-  Panel panel{"Camera position", "m", {}};
-  add_vectors(panel, kXyz, "", seconds_of(run.camera, zero), positions_of(run.camera));
-  add_vectors(panel, kXyz, "truth", seconds_of(truth.camera, zero), positions_of(truth.camera));
-  return panel;
-}
-
-Panel orientation_panel(const RunFolder& run, const AlignedTruth& truth, Time zero) {
-  constexpr Axes kNames = {"roll", "pitch", "yaw"};
-  Panel panel{"Camera orientation", "deg", {}};
-  const std::vector<Vec3> angles = roll_pitch_yaw(run.camera, {});
-  add_vectors(panel, kNames, "", seconds_of(run.camera, zero), angles);
-  const auto start = angles.empty() ? std::nullopt : std::optional(angles.front());
-  add_vectors(panel, kNames, "truth", seconds_of(truth.camera, zero), roll_pitch_yaw(truth.camera, start));
-  return panel;
-}
-
-/// The camera in the IMU frame, from a pose of each at one stamp.
-std::optional<Pose> mounting(const Trajectory& camera, const Trajectory& imu) {
-  for (const StampedPose& c : camera) {
-    const auto i =
-        std::lower_bound(imu.begin(), imu.end(), c.t, [](const StampedPose& p, Time t) { return p.t < t; });
-    if (i != imu.end() && i->t == c.t) return i->T.inverse() * c.T;
-  }
-  return std::nullopt;
-}
-
-/// Velocity of the IMU: the states' and, by differentiating its path, ground truth's.
-Panel velocity_panel(const RunFolder& run, const AlignedTruth& truth, Time zero) {
-  Panel panel{"IMU velocity", "m/s", {}};
-  std::vector<double> t;
-  std::vector<Vec3> v;
-  for (const NavState& s : run.states) {
-    t.push_back(seconds_between(zero, s.t));
-    v.push_back(s.v_w);
-  }
-  add_vectors(panel, kXyz, "", t, v);
-  const std::optional<Pose> T_i_c = mounting(run.camera, run.imu);
-  const std::size_t n = truth.camera.size();
-  if (!T_i_c || n < 3) return panel;
-  Trajectory imu = truth.camera;
-  for (StampedPose& pose : imu) pose.T = pose.T * T_i_c->inverse();
-  const double interval = seconds_between(imu.front().t, imu.back().t) / static_cast<double>(n - 1);
-  const auto half =
-      static_cast<std::size_t>(std::clamp(std::round(kVelocityHalfSpan / interval), 1.0, 100.0));
-  add_vectors(panel, kXyz, "truth", seconds_of(imu, zero), smoothed_velocity(imu, half));
-  return panel;
-}
-
-Panel bias_panel(const RunFolder& run, const std::string& title, const std::string& unit, double factor,
-                 const std::function<Vec3(const NavState&)>& bias, Time zero) {
-  Panel panel{title, unit, {}};
-  std::vector<double> t;
-  std::vector<Vec3> b;
-  for (const NavState& s : run.states) {
-    t.push_back(seconds_between(zero, s.t));
-    b.push_back(factor * bias(s));
-  }
-  add_vectors(panel, kXyz, "", t, b);
-  return panel;
-}
-
 void add_error_panels(std::vector<Panel>& panels, const AlignedTruth& truth, const AlignedTruth& causal_truth,
                       Time zero) {
-  Panel translation{"Translation error after alignment", "m", {}};
-  Panel rotation{"Rotation error after alignment", "deg", {}};
+  Panel translation{"error", "Translation error after alignment", "m", {}};
+  Panel rotation{"error", "Rotation error after alignment", "deg", {}};
   const auto add = [&](const AlignedTruth& aligned, const std::string& name, int colour,
                        const std::string& style) {
     if (aligned.matched.size() == 0) return;
     const AbsoluteErrors errors = absolute_errors(aligned.matched, aligned.alignment);
     const std::vector<double> t = seconds_of(aligned.matched.estimate, zero);
-    translation.series.push_back({name, colour, style, t, errors.translation_m});
-    rotation.series.push_back({name, colour, style, t, errors.rotation_deg});
+    translation.series.push_back({name, colour, style, t, errors.translation_m, {}});
+    rotation.series.push_back({name, colour, style, t, errors.rotation_deg, {}});
   };
   add(causal_truth, "causal", 1, "thin");
   add(truth, "smoothed", 2, "");
@@ -141,30 +38,65 @@ void add_error_panels(std::vector<Panel>& panels, const AlignedTruth& truth, con
   panels.push_back(std::move(rotation));
 }
 
-/// A panel of columns of windows.csv: {column, name, factor} each.
+/// A column of windows.csv as a curve, or of several their quotient.
 struct WindowCurve {
   const char* column;
   const char* name;
   double factor;
   const char* style = "";
+  const char* per = nullptr;  ///< column to divide by
 };
 
-Panel window_panel(const CsvColumns& windows, const std::string& title, const std::string& unit,
-                   std::initializer_list<WindowCurve> curves, Time zero) {
-  Panel panel{title, unit, {}};
+/// Columns without a single number are left out.
+Panel window_panel(const CsvColumns& windows, const char* group, const std::string& title,
+                   const std::string& unit, std::initializer_list<WindowCurve> curves, Time zero) {
+  Panel panel{group, title, unit, {}};
   std::vector<double> t;
   for (Time stamp : windows.t) t.push_back(seconds_between(zero, stamp));
-  int colour = 2;
+  int colour = -1;
   for (const WindowCurve& curve : curves) {
+    ++colour;
     const std::vector<double>* column = windows.find(curve.column);
-    if (column != nullptr) {
-      Series s{curve.name, colour, curve.style, t, *column};
-      for (double& y : s.y) y *= curve.factor;
-      panel.series.push_back(std::move(s));
+    const std::vector<double>* per = curve.per != nullptr ? windows.find(curve.per) : nullptr;
+    if (column == nullptr || (curve.per != nullptr && per == nullptr)) continue;
+    Series s{curve.name, colour, curve.style, t, *column, {}};
+    for (std::size_t i = 0; i < s.y.size(); ++i) {
+      s.y[i] *= curve.factor;
+      if (per != nullptr) s.y[i] = (*per)[i] > 0 ? s.y[i] / (*per)[i] : kNan;
     }
-    colour = 0;
+    if (std::any_of(s.y.begin(), s.y.end(), [](double y) { return std::isfinite(y); }))
+      panel.series.push_back(std::move(s));
   }
   return panel;
+}
+
+void add_window_panels(std::vector<Panel>& panels, const CsvColumns& w, Time zero) {
+  const auto add = [&](const char* group, const char* title, const char* unit,
+                       std::initializer_list<WindowCurve> curves) {
+    panels.push_back(window_panel(w, group, title, unit, curves, zero));
+  };
+  constexpr const char* kFront = "front-end";
+  constexpr const char* kBack = "back-end";
+  add(kFront, "Event rate", "thousand/s", {{"events", "events", 1e-3, "", "duration_s"}});
+  add(kFront, "What became of the events", "%",
+      {{"in_segments", "kept: in segments", 100, "", "events"},
+       {"unsupported", "noise", 100, "", "events"},
+       {"hot", "hot pixels", 100, "", "events"},
+       {"thinned", "thinned", 100, "", "events"}});
+  add(kFront, "Tracks in the window", "",
+      {{"segments", "segments", 1}, {"lines_seen", "of these mapped lines", 1}});
+  add(kFront, "Mean track length of the lines in view", "s", {{"mean_track_s", "track length", 1}});
+  add(kFront, "Image speed of the segments, median", "px/s", {{"speed_px_s", "speed", 1}});
+  add(kBack, "Distance of events to their lines, RMS", "px", {{"rms_px", "rms", 1}});
+  add(kBack, "Inliers: segments that hold as lines", "%", {{"lines_seen", "inliers", 100, "", "segments"}});
+  add(kBack, "Computing time per window", "ms",
+      {{"solve_s", "solver", 1e3},
+       {"segment_s", "front-end", 1e3},
+       {"integrate_s", "IMU integration", 1e3},
+       {"duration_s", "the window's own duration", 1e3, "dashed"}});
+  add(kBack, "Latency of each pose", "ms", {{"latency_s", "latency", 1e3}});
+  add(kBack, "Residuals in the solve", "thousand", {{"residuals", "residuals", 1e-3}});
+  add(kBack, "Solver iterations per window", "", {{"iterations", "iterations", 1}});
 }
 
 }  // namespace
@@ -184,30 +116,10 @@ AlignedTruth align_truth(const Trajectory& estimate, const Trajectory& groundtru
 
 std::vector<Panel> make_panels(const RunFolder& run, const AlignedTruth& truth,
                                const AlignedTruth& causal_truth, Time zero) {
-  std::vector<Panel> panels;
-  panels.push_back(position_panel(run, truth, zero));
-  panels.push_back(orientation_panel(run, truth, zero));
+  std::vector<Panel> panels = state_panels(run, truth, zero);
   add_error_panels(panels, truth, causal_truth, zero);
-  panels.push_back(velocity_panel(run, truth, zero));
-  const CsvColumns& w = run.windows;
-  panels.push_back(
-      window_panel(w, "Distance of events to their lines, RMS", "px", {{"rms_px", "rms", 1}}, zero));
-  panels.push_back(bias_panel(
-      run, "Gyroscope bias", "deg/s", kDegrees, [](const NavState& s) { return s.bias.gyro; }, zero));
-  panels.push_back(bias_panel(
-      run, "Accelerometer bias", "m/s\u00b2", 1, [](const NavState& s) { return s.bias.accel; }, zero));
-  panels.push_back(
-      window_panel(w, "Mean track length of the lines in view", "s", {{"mean_track_s", "mean", 1}}, zero));
-  panels.push_back(window_panel(w, "Segments and lines per window", "",
-                                {{"lines", "lines", 1}, {"segments", "segments", 1}}, zero));
-  panels.push_back(window_panel(w, "Events per window", "thousand", {{"events", "events", 1e-3}}, zero));
-  panels.push_back(window_panel(
-      w, "Solver time per window", "s",
-      {{"solve_s", "solver", 1}, {"duration_s", "the window's own duration", 1, "dashed"}}, zero));
-  panels.push_back(
-      window_panel(w, "Residuals in the solve", "thousand", {{"residuals", "residuals", 1e-3}}, zero));
-  panels.push_back(
-      window_panel(w, "Solver iterations per window", "", {{"iterations", "iterations", 1}}, zero));
+  for (Panel& panel : causal_error_panels(run, zero)) panels.push_back(std::move(panel));
+  add_window_panels(panels, run.windows, zero);
   std::erase_if(panels, [](const Panel& p) { return p.series.empty(); });
   for (Panel& panel : panels)
     for (Series& s : panel.series) s = thin(s, kBuckets);
@@ -215,7 +127,7 @@ std::vector<Panel> make_panels(const RunFolder& run, const AlignedTruth& truth,
 }
 
 std::vector<Vec3> smoothed_velocity(const Trajectory& trajectory, std::size_t half) {
-  constexpr double kWidestSpan = 8 * kVelocityHalfSpan;  // beyond it there is a hole, not a motion
+  constexpr double kWidestSpan = 0.2;  // [s]: beyond it there is a hole, not a motion
   std::vector<Vec3> velocity(trajectory.size(), Vec3::Constant(kNan));
   for (std::size_t i = half; i + half < trajectory.size(); ++i) {
     const Time centre = trajectory[i].t;
@@ -241,10 +153,11 @@ std::vector<Vec3> smoothed_velocity(const Trajectory& trajectory, std::size_t ha
 Series thin(const Series& series, std::size_t buckets) {
   const std::size_t n = series.t.size();
   if (n <= 2 * buckets) return series;
-  Series out{series.name, series.colour, series.style, {}, {}};
+  Series out{series.name, series.colour, series.style, {}, {}, {}};
   const auto keep = [&](std::size_t i) {
     out.t.push_back(series.t[i]);
     out.y.push_back(series.y[i]);
+    if (!series.band.empty()) out.band.push_back(series.band[i]);
   };
   for (std::size_t k = 0; k < buckets; ++k) {
     const std::size_t begin = k * n / buckets, end = (k + 1) * n / buckets;

@@ -13,13 +13,15 @@ namespace idol {
 struct Series {
   std::string name;
   int colour = 0;         ///< index into the page's colours: 0, 1, 2 are also x, y, z
-  std::string style;      ///< "", "truth" (wide and pale), "thin" or "dashed"
+  std::string style;      ///< "", "truth" (wide and pale), "causal", "error", "thin" or "dashed"
   std::vector<double> t;  ///< [s] since the page's zero
   std::vector<double> y;
+  std::vector<double> band;  ///< half the width of the band around y; empty: none
 };
 
 /// Curves that share an axis.
 struct Panel {
+  std::string group;  ///< "state", "error", "front-end" or "back-end"
   std::string title;
   std::string unit;
   std::vector<Series> series;

@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <cstdint>
+#include <filesystem>
 #include <optional>
 
 #include "idol/base/camera.hpp"
@@ -12,30 +13,16 @@
 #include "idol/eval/evaluation_output.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/curves.hpp"
-#include "idol/report/picture.hpp"
+#include "idol/report/hints.hpp"
+#include "idol/report/page_json.hpp"
 
 namespace idol {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 /// The page must stay light enough to mail: limits on what is drawn, told on the page where they bite.
 constexpr std::size_t kMaxPoses = 4000;
 constexpr std::size_t kMaxLines = 20000;
-constexpr std::size_t kMaxPictures = 24;
-constexpr std::size_t kMaxPictureBytes = 16 << 20;
-
-/// Six significant digits.
-double rounded(double value) {
-  if (!std::isfinite(value) || value == 0) return value;
-  const int digits = 5 - static_cast<int>(std::floor(std::log10(std::abs(value))));
-  const double scale = std::pow(10.0, std::abs(digits));
-  return digits >= 0 ? std::round(value * scale) / scale : std::round(value / scale) * scale;
-}
-
-/// Tenths of a millisecond.
-double rounded_seconds(double s) { return std::round(s * 1e4) / 1e4; }
-
+constexpr std::uintmax_t kMaxFrameBytes = 5 << 20;
 Json numbers(const std::vector<double>& values, double (*round)(double)) {
   Json out = Json::array();
   for (double v : values) out.push_back(round(v));
@@ -57,21 +44,17 @@ std::optional<Time> page_zero(const RunFolder& run) {
 Json trajectory_json(const Trajectory& trajectory, const std::string& name, Time zero,
                      std::vector<std::string>& notes) {
   const std::size_t step = (trajectory.size() + kMaxPoses - 1) / kMaxPoses;
-  Json t = Json::array(), p = Json::array(), q = Json::array();
-  for (std::size_t i = 0; i < trajectory.size(); ++i) {
-    if (i % step != 0 && i + 1 != trajectory.size()) continue;
-    const StampedPose& pose = trajectory[i];
-    t.push_back(rounded_seconds(seconds_between(zero, pose.t)));
-    for (double v : pose.T.p) p.push_back(rounded(v));
-    for (double v : pose.T.q.coeffs()) q.push_back(rounded(v));
-  }
+  Trajectory drawn;
+  for (std::size_t i = 0; i < trajectory.size(); ++i)
+    if (i % step == 0 || i + 1 == trajectory.size()) drawn.push_back(trajectory[i]);
   if (step > 1)
     notes.push_back(fmt::format("The 3D view draws one in {} of the {} poses of the {} trajectory.", step,
                                 trajectory.size(), name));
-  return {{"t", t}, {"p", p}, {"q", q}};
+  return path_json(drawn, zero);
 }
 
-Json lines_json(const RunFolder& run, Time zero, std::vector<std::string>& notes) {
+/// The lines that are drawn.
+std::vector<Line> chosen_lines(const RunFolder& run, std::vector<std::string>& notes) {
   std::vector<Line> lines = run.lines;
   if (lines.size() > kMaxLines) {
     std::stable_sort(lines.begin(), lines.end(),
@@ -80,31 +63,22 @@ Json lines_json(const RunFolder& run, Time zero, std::vector<std::string>& notes
     notes.push_back(fmt::format("The 3D view draws the {} lines seen in most windows, of {}.", kMaxLines,
                                 run.lines.size()));
   }
-  Json out = Json::array();
-  for (const Line& line : lines) {
-    const Rgb c = line_colour(line.id);
-    out.push_back({{"id", line.id},
-                   {"a", {rounded(line.a.x()), rounded(line.a.y()), rounded(line.a.z())}},
-                   {"b", {rounded(line.b.x()), rounded(line.b.y()), rounded(line.b.z())}},
-                   {"first", rounded_seconds(seconds_between(zero, line.first))},
-                   {"last", rounded_seconds(seconds_between(zero, line.last))},
-                   {"windows", line.windows},
-                   {"colour", fmt::format("#{:02x}{:02x}{:02x}", c.r, c.g, c.b)}});
-  }
-  return out;
+  return lines;
 }
 
 Json panels_json(const std::vector<Panel>& panels) {
   Json out = Json::array();
   for (const Panel& panel : panels) {
     Json series = Json::array();
-    for (const Series& s : panel.series)
+    for (const Series& s : panel.series) {
       series.push_back({{"name", s.name},
                         {"colour", s.colour},
                         {"style", s.style},
                         {"t", numbers(s.t, rounded_seconds)},
                         {"y", numbers(s.y, rounded)}});
-    out.push_back({{"title", panel.title}, {"unit", panel.unit}, {"series", series}});
+      if (!s.band.empty()) series.back()["band"] = numbers(s.band, rounded);
+    }
+    out.push_back({{"group", panel.group}, {"title", panel.title}, {"unit", panel.unit}, {"series", series}});
   }
   return out;
 }
@@ -122,41 +96,41 @@ Json track_lengths_json(const std::vector<Line>& lines) {
   return {{"width", width}, {"counts", counts}};
 }
 
-/// An evenly spread choice, as data URIs.
-Json pictures_json(const RunFolder& run, Time zero, std::vector<std::string>& notes) {
-  Json out = Json::array();
-  const std::size_t n = run.pictures.size(), shown = std::min(n, kMaxPictures);
-  std::size_t bytes = 0;
-  for (std::size_t k = 0; k < shown; ++k) {
-    const PictureFile& picture = run.pictures[k * n / shown];
-    std::string content;
+/// Where the events of each window lie in the packed bytes, which are appended to `packed`.
+Json events_json(const RunFolder& run, Time zero, std::string& packed, std::vector<std::string>& notes) {
+  Json out;
+  for (const char* column : {"t", "own", "around", "shown", "offset", "size"}) out[column] = Json::array();
+  for (const ShownWindow& window : run.events) {
+    out["t"].push_back(rounded_seconds(seconds_between(zero, window.t)));
+    out["own"].push_back(window.own);
+    out["around"].push_back(window.around);
+    out["shown"].push_back(window.shown);
+    out["offset"].push_back(packed.size());
+    out["size"].push_back(window.packed.size());
+    packed += window.packed;
+    packed.append((3 - packed.size() % 3) % 3, '\0');
+  }
+  if (!run.events.empty() && run.events.size() < run.windows.t.size())
+    notes.push_back(fmt::format("The event view has {} of the {} windows: a long run is thinned.",
+                                run.events.size(), run.windows.t.size()));
+  return out;
+}
+
+/// An evenly spread choice that fits, as data URIs.
+Json frames_json(const RunFolder& run, Time zero, std::vector<std::string>& notes) {
+  Json out{{"t", Json::array()}, {"src", Json::array()}};
+  std::uintmax_t all = 0;
+  std::error_code gone;
+  for (const FrameFile& frame : run.frames) all += std::filesystem::file_size(frame.path, gone);
+  const std::size_t step = static_cast<std::size_t>(all / kMaxFrameBytes) + 1;
+  for (std::size_t i = 0; i < run.frames.size(); i += step) {
     try {
-      content = read_file(picture.path);
+      out["src"].push_back("data:image/png;base64," + base64(read_file(run.frames[i].path)));
+      out["t"].push_back(rounded_seconds(seconds_between(zero, run.frames[i].t)));
     } catch (const DataError& e) {
       notes.emplace_back(e.what());
-      continue;
     }
-    bytes += content.size();
-    if (bytes > kMaxPictureBytes) break;
-    std::string caption = fmt::format("Window {}", picture.window);
-    const auto row = static_cast<std::size_t>(picture.window);
-    if (picture.window >= 0 && row < run.windows.t.size()) {
-      caption += fmt::format(", ends at {:.2f} s", seconds_between(zero, run.windows.t[row]));
-      const auto add = [&](const char* column, const char* before, const char* after) {
-        const auto* values = run.windows.find(column);
-        if (values != nullptr && std::isfinite((*values)[row]))
-          caption += fmt::format(", {}{:.3g}{}", before, (*values)[row], after);
-      };
-      add("segments", "", " segments");
-      add("lines", "", " lines");
-      add("rms_px", "rms ", " px");
-    } else {
-      caption += fmt::format(", {:.2f} s", picture.seconds);
-    }
-    out.push_back({{"caption", caption}, {"src", "data:image/png;base64," + base64(content)}});
   }
-  if (out.size() < n)
-    notes.push_back(fmt::format("The page shows {} of the {} event pictures in pictures/.", out.size(), n));
   return out;
 }
 
@@ -168,39 +142,72 @@ Json parsed(const std::string& text, const char* name, std::vector<std::string>&
   return nullptr;
 }
 
-Json evaluation_of(const Trajectory& estimate, const Trajectory& groundtruth) {
-  return Json::parse(evaluation_json(evaluate(estimate, groundtruth, {})));
-}
-
-Json evaluations_json(const RunFolder& run, std::vector<std::string>& notes) {
+/// Smallest, lower quartile, median, upper quartile and largest.
+Json five_numbers(std::vector<double> values) {
+  if (values.empty()) return nullptr;
+  std::sort(values.begin(), values.end());
   Json out = Json::array();
-  Json given = parsed(run.evaluation_json, "evaluation.json", notes);
-  if (!given.is_null())
-    out.push_back({{"title", "Smoothed trajectory (evaluation.json)"}, {"data", given}});
-  for (const auto& [title, trajectory] :
-       {std::pair{"Smoothed trajectory", &run.camera}, std::pair{"Causal trajectory", &run.camera_causal}}) {
-    if (trajectory->empty() || run.groundtruth.empty()) continue;
-    if (trajectory == &run.camera && !given.is_null()) continue;
-    try {
-      out.push_back({{"title", title}, {"data", evaluation_of(*trajectory, run.groundtruth)}});
-    } catch (const DataError& e) {
-      notes.push_back(fmt::format("{} not evaluated: {}.", title, e.what()));
-    }
+  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    const double at = share * static_cast<double>(values.size() - 1);
+    const auto low = static_cast<std::size_t>(at), high = std::min(low + 1, values.size() - 1);
+    const double part = at - static_cast<double>(low);
+    out.push_back(rounded((1 - part) * values[low] + part * values[high]));
   }
   return out;
 }
 
-/// Borders of the picture at distance 1, through the plain pinhole: left, top, right, bottom.
-Json frustum_json(const RunFolder& run) {
-  if (!run.camera_model || run.camera_model->width <= 0) return {-0.6, -0.45, 0.6, 0.45};
-  const Camera& c = *run.camera_model;
-  const Vec2 low = c.normalise({-0.5, -0.5}), high = c.normalise({c.width - 0.5, c.height - 0.5});
-  return {rounded(low.x()), rounded(low.y()), rounded(high.x()), rounded(high.y())};
+/// The errors of protocol `segments` as boxes.
+Json boxes_json(const Trajectory& estimate, const Trajectory& groundtruth) {
+  const MatchedPoses matched = match_nearest(estimate, groundtruth);
+  const double length = path_length(groundtruth);
+  Json out = Json::array();
+  for (const int percent : kSegmentPercents) {
+    const RelativeErrors errors = relative_errors(matched, segment_length(percent, length), 1.0);
+    if (errors.translation_m.empty()) continue;
+    out.push_back({{"percent", percent},
+                   {"length_m", errors.length_m},
+                   {"samples", errors.translation_m.size()},
+                   {"translation_percent", five_numbers(errors.translation_percent)},
+                   {"rotation_deg", five_numbers(errors.rotation_deg)}});
+  }
+  return out;
+}
+
+/// Of the smoothed trajectory (evaluation.json, or computed) and of the causal one.
+Json evaluations_json(const RunFolder& run, std::vector<std::string>& notes) {
+  const Json given = parsed(run.evaluation_json, "evaluation.json", notes);
+  Json out = Json::array();
+  for (const auto& [title, trajectory] :
+       {std::pair{"Smoothed trajectory", &run.camera}, std::pair{"Causal trajectory", &run.camera_causal}}) {
+    Json judged{{"title", title}, {"data", nullptr}, {"boxes", Json::array()}};
+    if (trajectory == &run.camera) judged["data"] = given;
+    try {
+      if (!trajectory->empty() && !run.groundtruth.empty()) {
+        if (judged["data"].is_null())
+          judged["data"] = Json::parse(evaluation_json(evaluate(*trajectory, run.groundtruth, {})));
+        judged["boxes"] = boxes_json(*trajectory, run.groundtruth);
+      }
+    } catch (const DataError& e) {
+      notes.push_back(fmt::format("{} not evaluated: {}.", title, e.what()));
+    }
+    if (!judged["data"].is_null()) out.push_back(judged);
+  }
+  return out;
+}
+
+/// What turns the world of the run into that of the ground truth: a matrix by rows, and a shift.
+Json alignment_json(const AlignedTruth& truth) {
+  if (truth.matched.size() == 0) return nullptr;
+  const Mat3& R = truth.alignment.R;
+  const Vec3& t = truth.alignment.t;
+  return {{"R", {R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2)}},
+          {"t", {t.x(), t.y(), t.z()}}};
 }
 
 }  // namespace
 
-std::string page_data(const RunFolder& run) {
+PageData page_data(const RunFolder& run) {
+  PageData page;
   std::vector<std::string> notes = run.notes;
   const std::optional<Time> first = page_zero(run);
   const Time zero = first.value_or(0);
@@ -208,43 +215,31 @@ std::string page_data(const RunFolder& run) {
   const AlignedTruth causal_truth = align_truth(run.camera_causal, run.groundtruth);
   if (!run.groundtruth.empty() && !run.camera.empty() && truth.matched.size() == 0)
     notes.emplace_back("No pose of the estimate has a ground-truth pose within 20 ms: no comparison.");
+  const std::vector<Panel> panels = make_panels(run, truth, causal_truth, zero);
   Json data;
   data["zero"] = first ? Json(format_stamp(zero)) : Json(nullptr);
   data["stats"] = parsed(run.stats_json, "stats.json", notes);
+  data["hints"] = run_hints(run, panels, zero);
   data["evaluations"] = evaluations_json(run, notes);
   data["smoothed"] = trajectory_json(run.camera, "smoothed", zero, notes);
   data["causal"] = trajectory_json(run.camera_causal, "causal", zero, notes);
   data["truth"] = trajectory_json(truth.camera, "ground-truth", zero, notes);
-  data["matched"] = truth.matched.size();
-  data["frustum"] = frustum_json(run);
-  data["lines"] = lines_json(run, zero, notes);
-  data["panels"] = panels_json(make_panels(run, truth, causal_truth, zero));
+  data["alignment"] = alignment_json(truth);
+  data["camera"] =
+      run.camera_model && run.camera_model->width > 0 ? camera_json(*run.camera_model) : Json(nullptr);
+  data["palette"] = palette_json();
+  data["lines"] = lines_json(chosen_lines(run, notes), zero);
+  data["panels"] = panels_json(panels);
   data["trackLengths"] = track_lengths_json(run.lines);
-  data["pictures"] = pictures_json(run, zero, notes);
+  data["events"] = events_json(run, zero, page.events, notes);
+  data["frames"] = frames_json(run, zero, notes);
   data["files"] = Json::array();
   for (const auto& [name, text] :
        {std::pair{"config.yaml", &run.config_yaml}, std::pair{"rig.yaml", &run.rig_yaml}})
     if (!text->empty()) data["files"].push_back({{"name", name}, {"text", *text}});
   data["notes"] = notes;
-  // Neither "</script" nor "<!--" may appear, whatever the files hold: '<' is written as an escape.
-  std::string safe;
-  for (char c : data.dump(-1, ' ', false, Json::error_handler_t::replace))
-    c == '<' ? safe += "\\u003c" : safe += c;
-  return safe;
-}
-
-std::string base64(std::string_view bytes) {
-  constexpr const char* kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    unsigned word = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      word = word << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0U);
-    for (std::size_t k = 0; k < 4; ++k)
-      text += i + k > bytes.size() ? '=' : kDigits[word >> (18 - 6 * k) & 63];
-  }
-  return text;
+  page.json = safe_text(data);
+  return page;
 }
 
 }  // namespace idol

@@ -1,17 +1,17 @@
-// The run as the JSON text that the report's page draws from.
+// The run as the data that the page draws from.
 #pragma once
 
 #include <string>
-#include <string_view>
 
 #include "idol/report/run_folder.hpp"
 
 namespace idol {
 
-/// JSON that is safe inside a <script> element: it holds no '<'.
-std::string page_data(const RunFolder& run);
+struct PageData {
+  std::string json;    ///< safe inside a <script> element
+  std::string events;  ///< pack_events() of each window, one after the other, each filled up to three bytes
+};
 
-/// RFC 4648, with padding.
-std::string base64(std::string_view bytes);
+PageData page_data(const RunFolder& run);
 
 }  // namespace idol

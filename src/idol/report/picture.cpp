@@ -111,11 +111,15 @@ bool clip_segment(Vec2& a, Vec2& b, const Vec2& low, const Vec2& high) {
   return true;
 }
 
-Rgb line_colour(LineId id) {
+std::span<const Rgb> line_palette() { return kPalette; }
+
+std::size_t line_colour_index(LineId id) {
   // Fibonacci hashing: consecutive ids land far apart.
   const std::uint64_t hash = static_cast<std::uint64_t>(id) * 0x9E3779B97F4A7C15ULL;
-  return kPalette[((hash >> 32) * kPalette.size()) >> 32];
+  return ((hash >> 32) * kPalette.size()) >> 32;
 }
+
+Rgb line_colour(LineId id) { return kPalette[line_colour_index(id)]; }
 
 Image draw_event_picture(int width, int height, std::span<const PictureEvent> events,
                          std::span<const PictureLine> lines, int scale) {

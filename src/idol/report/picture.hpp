@@ -65,7 +65,10 @@ struct PictureLine {
   LineId id = kNoLine;
 };
 
-/// Colour of a line in every picture and view; neighbouring ids differ, to colour-blind eyes too.
+/// Colours of lines in every picture and view, and which one a line has; neighbouring ids differ, to
+/// colour-blind eyes too.
+std::span<const Rgb> line_palette();
+std::size_t line_colour_index(LineId id);
 Rgb line_colour(LineId id);
 
 /// The sensor enlarged `scale` times: events in the colour of their line (grey: none; darker: negative

@@ -2,12 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <limits>
-#include <tuple>
 
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/rig.hpp"
@@ -45,24 +42,6 @@ CsvColumns read_csv(const fs::path& path) {
   return csv;
 }
 
-/// pictures/window_<index>_<seconds>.png, by index.
-std::vector<PictureFile> find_pictures(const fs::path& folder) {
-  std::vector<PictureFile> pictures;
-  std::error_code none;
-  for (const auto& entry : fs::directory_iterator(folder, none)) {
-    const std::string name = entry.path().stem().string();
-    const std::size_t bar = name.rfind('_');
-    if (entry.path().extension() != ".png" || !name.starts_with("window_") || bar < 7) continue;
-    const auto window = parse_integer(std::string_view(name).substr(7, bar - 7));
-    const auto seconds = parse_double(std::string_view(name).substr(bar + 1));
-    if (window && seconds && std::isfinite(*seconds)) pictures.push_back({entry.path(), *window, *seconds});
-  }
-  std::sort(pictures.begin(), pictures.end(), [](const PictureFile& a, const PictureFile& b) {
-    return std::tie(a.window, a.path) < std::tie(b.window, b.path);
-  });
-  return pictures;
-}
-
 /// Reads one part after the other, turning every trouble into a note.
 class Collector {
  public:
@@ -98,6 +77,18 @@ const std::vector<double>* CsvColumns::find(const std::string& name) const {
   return it == columns.end() ? nullptr : &it->second;
 }
 
+std::optional<Time> first_stamp(const RunFolder& run) {
+  std::vector<Time> first;
+  for (const Trajectory* trajectory : {&run.camera, &run.camera_causal, &run.imu})
+    if (!trajectory->empty()) first.push_back(trajectory->front().t);
+  if (!run.states.empty()) first.push_back(run.states.front().t);
+  if (first.empty() && !run.windows.t.empty()) first.push_back(run.windows.t.front());
+  if (first.empty())
+    for (const Line& line : run.lines) first.push_back(line.first);
+  if (first.empty()) return std::nullopt;
+  return *std::min_element(first.begin(), first.end());
+}
+
 std::string read_file(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   std::string text(std::istreambuf_iterator<char>(in), {});
@@ -116,6 +107,8 @@ RunFolder read_run_folder(const fs::path& dir) {
   collect.take(run.camera_causal, "trajectory_camera_causal.txt", "the causal trajectory", read_trajectory);
   collect.take(run.imu_causal, "trajectory_imu_causal.txt", "", read_trajectory);
   collect.take(run.states, "states.csv", "velocity and biases", read_states);
+  collect.take(run.states_causal, "states_causal.csv", "the causal velocity and biases", read_states);
+  collect.take(run.events, "events_shown.bin", "the view of the events", read_event_log);
   collect.take(run.lines, "lines.csv", "lines and their track lengths", read_lines_csv);
   collect.take(run.windows, "windows.csv", "the curves by window", read_csv);
   collect.take(run.groundtruth, "groundtruth_camera.txt", "the comparison with ground truth",
@@ -126,9 +119,8 @@ RunFolder read_run_folder(const fs::path& dir) {
   if (!run.rig_yaml.empty())
     collect.take(run.camera_model, "rig.yaml", "",
                  [&](const fs::path& path) { return find_camera(dir, path); });
-  run.pictures = find_pictures(dir / "pictures");
-  if (run.pictures.empty()) run.notes.emplace_back("pictures/ holds no event pictures: left out.");
-  if (!collect.found() && run.pictures.empty())
+  run.frames = find_frames(dir / "frames");
+  if (!collect.found())
     throw DataError(
         fmt::format("{}: holds nothing of a run (no stats.json, no trajectory); give the folder 'idol run "
                     "--out' wrote to",

@@ -9,6 +9,8 @@
 
 #include "idol/base/camera.hpp"
 #include "idol/base/types.hpp"
+#include "idol/report/event_log.hpp"
+#include "idol/report/frames.hpp"
 
 namespace idol {
 
@@ -21,27 +23,26 @@ struct CsvColumns {
   [[nodiscard]] const std::vector<double>* find(const std::string& name) const;
 };
 
-struct PictureFile {
-  std::filesystem::path path;
-  std::int64_t window = 0;
-  double seconds = 0;  ///< as in the file's name
-};
-
 /// Everything is empty where its file is missing or damaged; `notes` then says so.
 struct RunFolder {
   Trajectory camera, imu, camera_causal, imu_causal;
   Trajectory groundtruth;  ///< of the camera
-  std::vector<NavState> states;
+  std::vector<NavState> states, states_causal;
   std::vector<Line> lines;
   CsvColumns windows;
   std::optional<Camera> camera_model;  ///< of rig.yaml
   std::string stats_json, evaluation_json, config_yaml, rig_yaml;
-  std::vector<PictureFile> pictures;  ///< by window
+  std::vector<FrameFile> frames;    ///< undistorted
+  std::vector<ShownWindow> events;  ///< what is shown of each window's events
   std::vector<std::string> notes;
 };
 
 /// Throws DataError when there is no such folder, or nothing of a run in it.
 RunFolder read_run_folder(const std::filesystem::path& dir);
+
+/// The earliest stamp of the estimate: where its time axes begin. Nothing if there is no trajectory, state,
+/// window or line.
+std::optional<Time> first_stamp(const RunFolder& run);
 
 /// A whole file as bytes. Throws DataError.
 std::string read_file(const std::filesystem::path& path);

@@ -1,3 +1,4 @@
+// Which events of a window make its picture.
 #pragma once
 
 #include <vector>
@@ -7,10 +8,10 @@
 #include "idol/frontend/windower.hpp"
 #include "idol/report/picture.hpp"
 
-namespace idol::cli {
+namespace idol {
 
 /// The window's own events of about three pixels of motion around `middle`: a sharp picture.
 std::vector<PictureEvent> picture_events(const EventWindow& window, const SegmentedWindow& segments,
                                          const UndistortMap& undistort, Time middle);
 
-}  // namespace idol::cli
+}  // namespace idol

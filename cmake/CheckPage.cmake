@@ -1,0 +1,16 @@
+# cmake -DWEB=web -P CheckPage.cmake: fails unless web/dist/report.html was built from the present sources. The hash is
+# computed as web/build.mjs does it.
+file(GLOB names RELATIVE ${WEB} ${WEB}/src/*)
+list(APPEND names build.mjs package-lock.json)
+list(SORT names)
+set(lines "")
+foreach(name IN LISTS names)
+  file(SHA256 ${WEB}/${name} hash)
+  string(APPEND lines "${name} ${hash}\n")
+endforeach()
+string(SHA256 wanted "${lines}")
+file(STRINGS ${WEB}/dist/report.html found REGEX "<meta name=\"idol-sources\"")
+string(FIND "${found}" "${wanted}" at)
+if(at EQUAL -1)
+  message(FATAL_ERROR "web/dist/report.html is not of the present sources: run 'npm ci && npm run build' in web/")
+endif()
