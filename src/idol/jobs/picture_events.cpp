@@ -1,8 +1,8 @@
-#include "picture_events.hpp"
+#include "idol/jobs/picture_events.hpp"
 
 #include <cmath>
 
-namespace idol::cli {
+namespace idol {
 
 std::vector<PictureEvent> picture_events(const EventWindow& window, const SegmentedWindow& segments,
                                          const UndistortMap& undistort, Time middle) {
@@ -15,4 +15,4 @@ std::vector<PictureEvent> picture_events(const EventWindow& window, const Segmen
   return out;
 }
 
-}  // namespace idol::cli
+}  // namespace idol

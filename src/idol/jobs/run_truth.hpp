@@ -7,7 +7,7 @@
 #include "idol/base/diagnostics.hpp"
 #include "idol/io/recording.hpp"
 
-namespace idol::cli {
+namespace idol {
 
 /// Where the recording has ground truth: writes evaluation.json (of trajectory_camera.txt, as `idol evaluate
 /// --json` would; truth of the IMU is taken to the camera with `T_i_c`) and groundtruth_camera.txt (the part of the estimate's time, for the report) into `out`;
@@ -17,4 +17,4 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
                                 const std::filesystem::path& out,
                                 Diagnostics& diagnostics);
 
-}  // namespace idol::cli
+}  // namespace idol
