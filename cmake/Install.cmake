@@ -5,7 +5,9 @@ include(CMakePackageConfigHelpers)
 install(TARGETS idol RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 file(GLOB idol_configs CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/configs/*.yaml)
 install(FILES ${idol_configs} DESTINATION ${CMAKE_INSTALL_DATADIR}/idol COMPONENT program)
-install(FILES docs/idol.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
+if(NOT IDOL_DEBIAN)  # there it is compressed
+  install(FILES docs/idol.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
+endif()
 foreach(shell bash zsh)
   add_custom_command(TARGET idol POST_BUILD VERBATIM
     COMMAND idol completion ${shell} > ${PROJECT_BINARY_DIR}/completion.${shell})
