@@ -1,5 +1,6 @@
 # Run by `cmake --install`: copies the headers of IDOL_DOORS and all of idol's that they include, so that what is
 # installed is what users of the library see, and no more.
+cmake_policy(VERSION 3.25)
 set(todo ${IDOL_DOORS})
 set(seen)
 while(todo)

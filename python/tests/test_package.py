@@ -80,6 +80,13 @@ def test_wheel_lists_its_files(tmp_path):
         assert {line.split(",")[0] for line in record.split()} == set(wheel.namelist())
 
 
+def test_the_example_of_the_readme_runs():
+    block = (ROOT / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    said = subprocess.run([sys.executable, "-c", block + "print(len(odometry.states))"], check=True, cwd=ROOT, text=True,
+                          stdout=subprocess.PIPE).stdout.split()
+    assert "lines" in said and int(said[-1]) > 100
+
+
 def test_example_draws_a_picture(tmp_path):
     if importlib.util.find_spec("matplotlib") is None:
         pytest.skip("no matplotlib")
