@@ -36,11 +36,6 @@ struct StreamArguments {
   void declare(CLI::App& command);
 };
 
-/// What --rig takes, for the help.
-constexpr const char* kRigHelp =
-    "camera calibration and mounting: a file (Kalibr camchain and others), or the name of a ready rig (davis240c, "
-    "davis346, dvxplorer, evk4)";
-
 /// True once Ctrl-C was pressed or the program was told to terminate, after install_interrupt_handler().
 bool interrupted();
 void install_interrupt_handler();

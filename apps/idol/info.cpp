@@ -248,11 +248,11 @@ void add_info(CLI::App& app, Action& action) {
   command
       ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
       ->required();
-  command->add_option("--rig", arguments->rig, kRigHelp);
+  command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
   arguments->streams.declare(*command);
   command->footer(
-      "Examples:\n  idol info recording.aedat4\n  idol info shapes_6dof --rig davis240c");
+      "Examples:\n  idol info recording.aedat4\n  idol info shapes_6dof --rig configs/rig_davis240c.yaml");
   command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 

@@ -97,7 +97,7 @@ void add_run(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("run", "Estimate trajectory and 3D lines of a recording");
   command->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")->required();
   command->add_option("--out", arguments->out, "folder for the results; created if missing")->required();
-  command->add_option("--rig", arguments->rig, kRigHelp);
+  command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
   command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
   command->add_option("--rate", arguments->rate_hz, "sample both trajectories at this rate [Hz]")
       ->check(CLI::PositiveNumber);
@@ -108,7 +108,7 @@ void add_run(CLI::App& app, Action& action) {
   arguments->streams.declare(*command);
   command->footer(
       "Examples:\n"
-      "  idol run shapes_6dof --rig davis240c --out out\n"
+      "  idol run shapes_6dof --rig configs/rig_davis240c.yaml --out out\n"
       "  idol run recording.bag --rig rig.yaml --from 5 --to 20 --out out\n"
       "  idol run recording.aedat4 --rig rig.yaml --preset paper --set window.overlap=0 --out out");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -9,7 +9,6 @@
 #include "idol/base/calibration_files.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/foreign_calibrations.hpp"
-#include "idol/base/ready_rigs.hpp"
 
 namespace idol {
 
@@ -33,11 +32,12 @@ bool is_rpg_calibration(const fs::path& path) {
   return static_cast<bool>(in >> word) && word.find_first_not_of("0123456789+-.eE,") == std::string::npos;
 }
 
-Sources find_sources(const fs::path& sequence, const fs::path& rig) {
+Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
   Sources sources;
   sources.folder = fs::is_directory(sequence) ? sequence : sequence.parent_path();
-  if (!rig.empty()) {
-    const fs::path rig_path = find_rig_file(rig);
+  if (!rig_path.empty()) {
+    if (!fs::is_regular_file(rig_path))
+      throw DataError(fmt::format("{}: no such rig file", rig_path.string()));
     sources.lens_first = is_rpg_calibration(rig_path) || is_opencv_xml(rig_path);
     (sources.lens_first ? sources.lens_path : sources.rig_path) = rig_path;
   }

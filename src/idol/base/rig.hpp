@@ -28,8 +28,7 @@ struct Rig {
 };
 
 /// The rig of a recording. `rig_path` is a Kalibr camchain-imucam.yaml (cam0 is used; it may hold imu.yaml's
-/// keys too), a file of OpenVINS or Basalt, or a lens alone: an RPG calib.txt or iniVation's calibration XML; or
-/// the name of a ready rig (base/ready_rigs.hpp).
+/// keys too), a file of OpenVINS or Basalt, or a lens alone: an RPG calib.txt or iniVation's calibration XML.
 /// `imu_path` is a Kalibr imu.yaml. What they leave open is looked for in the sequence's folder. The camera of
 /// `rig_path` comes first (unless it is approximate), then that of the folder's camchain, then calib.txt, which
 /// knows no resolution: it is taken from the camchain, else from the first PNG below images/, else it is
