@@ -19,7 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct ConvertArguments {
-  fs::path in, out, rig, imu_rig;
+  fs::path in, out;
+  RigArguments rig;
   std::string format;
   bool compress = false;
   SpanArguments span;
@@ -64,7 +65,7 @@ std::int64_t convert_groundtruth(const ConvertArguments& arguments, const Counts
     for (const auto& pose : recording->groundtruth().value_or(Trajectory{}))
       if (pose.t >= *counts.first && pose.t <= *counts.last) truth.push_back(pose);
     if (recording->truth_of_imu() && !truth.empty()) {
-      const Rig rig = load_rig(arguments.in, arguments.rig, arguments.imu_rig);
+      const Rig rig = arguments.rig.known(arguments.in);
       for (StampedPose& pose : truth) pose.T = pose.T * rig.T_i_c;
     }
   } catch (const std::runtime_error& e) {  // DataError, UsageError
@@ -93,9 +94,9 @@ int convert(const ConvertArguments& arguments) {
       arguments.format.empty() ? format_of_name(arguments.out) : kFormats.at(arguments.format);
   std::optional<Rig> rig;
   try {
-    rig = load_rig(arguments.in, arguments.rig, arguments.imu_rig);
+    rig = arguments.rig.known(arguments.in);
   } catch (const DataError&) {
-    if (!arguments.rig.empty() || !arguments.imu_rig.empty()) throw;
+    if (arguments.rig.given()) throw;
   }
   const auto reader = open_reader(arguments.in, reading);
   const auto stated = open_recording(arguments.in, arguments.streams.choice)->resolution();
@@ -138,8 +139,7 @@ void add_convert(CLI::App& app, Action& action) {
   command->add_option("--format", a->format, "of OUT, whatever it is called")
       ->check(CLI::IsMember({"text", "bag", "hdf5", "aedat4"}));
   command->add_flag("--compress", a->compress, "smaller, and slower to read");
-  command->add_option("--rig", a->rig, "calibration to write into a folder of text files");
-  command->add_option("--imu-rig", a->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  a->rig.declare(*command);
   a->span.declare(*command);
   a->streams.declare(*command);
   command->footer(

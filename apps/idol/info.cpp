@@ -17,7 +17,8 @@ namespace idol::cli {
 namespace {
 
 struct InfoArguments {
-  std::filesystem::path sequence, rig, imu_rig;
+  std::filesystem::path sequence;
+  RigArguments rig;
   StreamArguments streams;
 };
 
@@ -32,14 +33,14 @@ Calibration find_calibration(const InfoArguments& arguments, Diagnostics& diagno
   Calibration calibration;
   Diagnostics heard;
   try {
-    calibration.rig = load_rig(arguments.sequence, arguments.rig, arguments.imu_rig, &heard);
+    calibration.rig = arguments.rig.load(arguments.sequence, arguments.streams, &heard);
     calibration.camera = calibration.rig->camera;
   } catch (const DataError& e) {
-    if (!arguments.rig.empty() || !arguments.imu_rig.empty()) throw;
+    if (arguments.rig.given()) throw;
     calibration.missing = e.what();
     heard = {};
     try {
-      calibration.camera = find_camera(arguments.sequence, arguments.rig, &heard);
+      calibration.camera = find_camera(arguments.sequence, {}, &heard);
     } catch (const DataError&) {
       // The same trouble as above: said once.
     }
@@ -248,11 +249,10 @@ void add_info(CLI::App& app, Action& action) {
   command
       ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
       ->required();
-  command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
-  command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  arguments->rig.declare(*command);
   arguments->streams.declare(*command);
   command->footer(
-      "Examples:\n  idol info recording.aedat4\n  idol info shapes_6dof --rig configs/rig_davis240c.yaml");
+      "Examples:\n  idol info recording.aedat4\n  idol info recording.aedat4 --rig davis346");
   command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 

@@ -148,4 +148,11 @@ std::unique_ptr<Recording> open_recording(const fs::path& path, const StreamChoi
   return std::make_unique<JoinedRecording>(std::move(recording), open_recording(choice.imu_file, other));
 }
 
+SensorSize stated_size(const fs::path& path, const StreamChoice& choice) {
+  return [path, choice] {
+    const auto size = open_recording(path, choice)->resolution();
+    return std::pair(size.width, size.height);
+  };
+}
+
 }  // namespace idol

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/rig.hpp"
 #include "idol/base/types.hpp"
 #include "idol/io/row_source.hpp"
 
@@ -64,5 +65,8 @@ bool holds_recording(const std::filesystem::path& path);
 /// Opens a recording, whatever its format: decided by content, not by name. A folder may be a recording of
 /// its own (text, ASL) or hold one file that is. Throws DataError.
 std::unique_ptr<Recording> open_recording(const std::filesystem::path& path, const StreamChoice& choice = {});
+
+/// For load_rig(): opens the recording when its size is asked for.
+SensorSize stated_size(const std::filesystem::path& path, const StreamChoice& choice = {});
 
 }  // namespace idol
