@@ -1,5 +1,5 @@
-// A harness's main() where there is no libFuzzer: runs it over files, and over those in folders. So the harnesses are
-// built with any compiler and what was once found stays found, as a test.
+// A harness's main() where there is no libFuzzer: runs it over files, and over those in folders. So the
+// harnesses are built with any compiler and what was once found stays found, as a test.
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -25,7 +25,8 @@ int main(int argc, char** argv) {
   namespace fs = std::filesystem;
   std::vector<fs::path> files;
   for (int i = 1; i < argc; ++i) {
-    if (!fs::is_directory(argv[i])) files.emplace_back(argv[i]);
+    if (!fs::is_directory(argv[i]))
+      files.emplace_back(argv[i]);
     else
       for (const auto& entry : fs::directory_iterator(argv[i])) files.push_back(entry.path());
   }

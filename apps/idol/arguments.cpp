@@ -67,9 +67,10 @@ void StreamArguments::declare(CLI::App& command) {
 }
 
 void RigArguments::declare(CLI::App& command) {
-  command.add_option("--rig", rig,
-                     "calibration of camera and mounting: a file (Kalibr camchain, OpenVINS, Basalt) or the name of a "
-                     "ready rig (davis240c, davis346, dvxplorer, evk4)");
+  command.add_option(
+      "--rig", rig,
+      "calibration of camera and mounting: a file (Kalibr camchain, OpenVINS, Basalt) or the name of a "
+      "ready rig (davis240c, davis346, dvxplorer, evk4)");
   command.add_option("--imu-rig", imu_rig, "IMU noise (Kalibr imu.yaml)");
 }
 

@@ -177,6 +177,17 @@ std::vector<std::string> judge_imu(const RecordingSummary& s, const Calibration&
   return warnings;
 }
 
+std::vector<std::string> judge_clocks(const RecordingSummary& s, const Calibration& calibration) {
+  constexpr double kTolerance = 0.1;  // [s]: what the comparison is good for
+  const auto offset = s.clocks.offset();
+  const double expected = calibration.rig ? calibration.rig->time_offset_s : 0;
+  if (!offset || !offset->certain() || std::abs(offset->seconds - expected) <= kTolerance) return {};
+  return {fmt::format(
+      "events and IMU seem to be {:.2f} s apart: their rates agree best with t_imu = t_camera {:+.2f} s; "
+      "are their clocks synchronised?",
+      std::abs(offset->seconds - expected), offset->seconds)};
+}
+
 std::vector<std::string> judge_events(const RecordingSummary& s, const Calibration& calibration) {
   std::vector<std::string> warnings;
   if (s.events.extent().long_pauses > 0)
@@ -231,7 +242,8 @@ int info(const InfoArguments& arguments) {
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
     print_groundtruth(arguments, summary, diagnostics);
-    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration)})
+    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration),
+                                 judge_clocks(summary, calibration)})
       for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
   }
   for (const auto& [kind, entry] : diagnostics.entries())
@@ -251,8 +263,7 @@ void add_info(CLI::App& app, Action& action) {
       ->required();
   arguments->rig.declare(*command);
   arguments->streams.declare(*command);
-  command->footer(
-      "Examples:\n  idol info recording.aedat4\n  idol info recording.aedat4 --rig davis346");
+  command->footer("Examples:\n  idol info recording.aedat4\n  idol info recording.aedat4 --rig davis346");
   command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 

@@ -159,11 +159,22 @@ Outcome explain_no_estimate(const Run& run) {
   return {1, fmt::format("{}: no window could be estimated: {}", run.summary.sequence, why)};
 }
 
+// Of no consequence for the estimate: damage is a warning.
+void add_backdrops(Run& run) {
+  try {
+    if (const auto frames = open_recording(run.arguments.sequence, run.arguments.streams.choice)->frames())
+      run.recorder.add_backdrops(*frames);
+  } catch (const std::runtime_error& e) {  // DataError, UsageError
+    run.summary.diagnostics.warn("bad_frames", e.what());
+  }
+}
+
 // Results first, then what is said about them: even a damaged recording leaves what came before.
 Outcome estimate_and_write(Run& run) {
   const auto& out = run.arguments.out;
   Outcome outcome = feed(run);
   if (outcome.exit == 0 && !run.odometry.started()) outcome = explain_no_estimate(run);
+  if (run.odometry.started()) add_backdrops(run);
   run.recorder.write_results(run.odometry);
   auto& summary = run.summary;
   summary.status = outcome.exit == 0 ? "done" : outcome.message;
@@ -228,7 +239,9 @@ int run(const RunArguments& arguments) {
 void add_run(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<RunArguments>();
   auto* command = app.add_subcommand("run", "Estimate trajectory and 3D lines of a recording");
-  command->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")->required();
+  command
+      ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
+      ->required();
   command->add_option("--out", arguments->out, "folder for the results; created if missing")->required();
   arguments->rig.declare(*command);
   command->add_option("--rate", arguments->rate_hz, "sample both trajectories at this rate [Hz]")

@@ -45,6 +45,10 @@ class RunRecorder {
   /// stats.json. Throws DataError when the disk refuses.
   void write_stats(const Odometry& odometry, const Summary& summary) const;
 
+  /// Puts the recording's own pictures behind those of the run, where one was taken at nearly the same time.
+  /// Throws DataError if they are damaged.
+  void add_backdrops(FrameSource& frames);
+
   [[nodiscard]] std::size_t windows() const { return rows_.size(); }
   /// Length of what has been estimated so far [s].
   [[nodiscard]] double data_s() const {
@@ -78,6 +82,8 @@ class RunRecorder {
     Time t = 0;
     std::vector<PictureEvent> events;
     std::vector<PictureLine> lines;
+    std::optional<Image> behind;
+    Time behind_off = 0;  // between its time and t
   };
 
   void publish(const Estimate& estimate);

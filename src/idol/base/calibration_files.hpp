@@ -28,8 +28,8 @@ struct CalibrationFile {
 /// Number of pixels, as a whole number. Throws DataError.
 int pixels_of(const YamlNode& node);
 
-/// Reads what a file (its root) of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for what
-/// it holds but makes no sense.
+/// Reads what a file (its root) of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for
+/// what it holds but makes no sense.
 CalibrationFile read_calibration(const YamlNode& root);
 CalibrationFile read_calibration_file(const std::filesystem::path& path);
 

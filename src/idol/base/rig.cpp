@@ -19,7 +19,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The files that describe a recording's rig: one of a whole rig, with what it holds, and one of the lens alone.
+/// The files that describe a recording's rig: one of a whole rig, with what it holds, and one of the lens
+/// alone.
 struct Sources {
   fs::path folder;
   fs::path rig_path;   ///< Kalibr's or its like; empty: none
@@ -37,7 +38,8 @@ bool is_rpg_calibration(const fs::path& path) {
 
 const ReadyRig* find_ready_rig(const fs::path& name) {
   const auto rigs = ready_rigs();
-  const auto found = std::find_if(rigs.begin(), rigs.end(), [&](const ReadyRig& r) { return r.name == name; });
+  const auto found =
+      std::find_if(rigs.begin(), rigs.end(), [&](const ReadyRig& r) { return r.name == name; });
   return found == rigs.end() ? nullptr : &*found;
 }
 
@@ -48,7 +50,8 @@ CalibrationFile read_ready_rig(const ReadyRig& ready) {
 
 std::string names_of_ready_rigs() {
   std::string names;
-  for (const ReadyRig& ready : ready_rigs()) names += fmt::format("{}{}", names.empty() ? "" : ", ", ready.name);
+  for (const ReadyRig& ready : ready_rigs())
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", ready.name);
   return names;
 }
 
@@ -184,11 +187,12 @@ void assume_rpg_rig(Sources& sources, const SensorSize& stated, Diagnostics* dia
   sources.rig = rig;
   sources.rig_path = ready.name;
   if (diagnostics == nullptr) return;
-  diagnostics->warn("assumed_rig",
-                    fmt::format("{}: no calibration says how {}; the sensor is a DAVIS240C, so the rig of the "
-                                "RPG dataset is taken (--rig davis240c). Of another camera, give its own",
-                                sources.folder.empty() ? "." : sources.folder.string(),
-                                lens ? "camera and IMU are mounted" : "camera and IMU are made and mounted"));
+  diagnostics->warn(
+      "assumed_rig",
+      fmt::format("{}: no calibration says how {}; the sensor is a DAVIS240C, so the rig of the "
+                  "RPG dataset is taken (--rig davis240c). Of another camera, give its own",
+                  sources.folder.empty() ? "." : sources.folder.string(),
+                  lens ? "camera and IMU are mounted" : "camera and IMU are made and mounted"));
 }
 
 /// An approximate rig to begin with, if there is one for this sensor.
@@ -237,10 +241,11 @@ Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path&
   }
   rig.camera = *camera;
   if (sources.rig.approximate && diagnostics != nullptr)
-    diagnostics->warn("approximate_rig",
-                      fmt::format("{}: typical of this sensor, not measured on yours: expect a trajectory of roughly "
-                                  "the right shape, and calibrate for more",
-                                  sources.rig_path.string()));
+    diagnostics->warn(
+        "approximate_rig",
+        fmt::format("{}: typical of this sensor, not measured on yours: expect a trajectory of roughly "
+                    "the right shape, and calibrate for more",
+                    sources.rig_path.string()));
   rig.imu = imu_of(sources, imu_path);
   return rig;
 }

@@ -101,6 +101,7 @@ class JoinedRecording : public Recording {
     return imu_->groundtruth();
   }
   [[nodiscard]] bool truth_of_imu() const override { return truth_of_imu_; }
+  std::unique_ptr<FrameSource> frames() override { return main_->frames(); }
   std::vector<StreamInfo> streams() override { return main_->streams(); }
   Resolution resolution() override { return main_->resolution(); }
 

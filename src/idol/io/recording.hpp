@@ -12,6 +12,7 @@
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/base/types.hpp"
+#include "idol/io/frame.hpp"
 #include "idol/io/row_source.hpp"
 
 namespace idol {
@@ -47,7 +48,10 @@ class Recording {
   virtual std::optional<Trajectory> groundtruth() { return std::nullopt; }
   /// Whether groundtruth() is of the IMU instead of the camera.
   [[nodiscard]] virtual bool truth_of_imu() const { return false; }
-  /// All streams that the file names, those included that no odometry reads (frames, triggers).
+  /// Pictures beside the events, for reports; nullptr: none, or not read from this format. Of several streams the
+  /// first one.
+  virtual std::unique_ptr<FrameSource> frames() { return nullptr; }
+  /// All streams that the file names, those included that no odometry reads (triggers).
   virtual std::vector<StreamInfo> streams() { return {}; }
   /// Size of the sensor as the recording states it [px]; zero where it does not.
   struct Resolution {
