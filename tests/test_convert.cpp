@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <map>
 
 #include "idol/io/bag_writer.hpp"
+#include "idol/io/trajectory_io.hpp"
 #include "recording_util.hpp"
 #include "test_util.hpp"
 
@@ -78,6 +80,26 @@ TEST(Convert, BagOfADavis240cRunsWithNoOption) {
   const auto named = run_idol("run " + bag + " --rig davis240c --out " + out);
   EXPECT_EQ(named.status, 0) << named.err;
   EXPECT_EQ(named.err.find("RPG dataset"), std::string::npos) << named.err;
+}
+
+TEST(Convert, CutOffFilesLeaveATrajectoryOfWhatCameBefore) {
+  const TempDir dir;
+  for (const std::string name : {"r.bag", "r.aedat4"}) {
+    const std::string whole = (dir.path() / name).string(), out = (dir.path() / ("out_" + name)).string();
+    ASSERT_EQ(run_idol("convert " + kDemo + " " + whole + " --from 1 --to 3").status, 0);
+    const std::string bytes = slurp(whole);
+    const auto cut = dir.write("cut_" + name, bytes.substr(0, bytes.size() * 7 / 10));
+    const auto run = run_idol("run " + cut.string() + " --rig davis240c --out " + out);
+    EXPECT_EQ(run.status, 1);
+    expect_says(run.err, {"cut_" + name, "byte "});
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    const Trajectory poses = read_trajectory(fs::path(out) / "trajectory_camera.txt");
+    EXPECT_GT(seconds_between(poses.front().t, poses.back().t), 0.8) << name;
+    // The same through convert: what can be read is written.
+    const auto converted = run_idol("convert " + cut.string() + " " + (dir.path() / "rest.h5").string());
+    EXPECT_EQ(converted.status, 1);
+    EXPECT_GT(read_back(dir.path() / "rest.h5").events.size(), 50'000u) << name;
+  }
 }
 
 TEST(Convert, WrongUsage) {
