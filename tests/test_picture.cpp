@@ -139,5 +139,37 @@ TEST(Picture, PngThatCannotBeWrittenIsAnError) {
   EXPECT_THROW(write_png(dir.path() / "b.png", Image(0, 0)), DataError);
 }
 
+TEST(Picture, FrameBehindTheEvents) {
+  const test::TempDir dir;
+  Image photo(8, 6);
+  for (int y = 0; y < 6; ++y)
+    for (int x = 0; x < 8; ++x)
+      photo.set(x, y,
+                {static_cast<std::uint8_t>(20 * x), static_cast<std::uint8_t>(20 * x),
+                 static_cast<std::uint8_t>(20 * x)});
+  std::filesystem::create_directory(dir.path() / "images");
+  write_png(dir.path() / "images/frame_0.png", photo);
+  EXPECT_EQ(open_listed_images(dir.path()), nullptr);
+  dir.write("images.txt", "# t file\n1.5 images/frame_0.png\n2.5 images/absent.png\n");
+  const auto frames = open_listed_images(dir.path());
+  Frame frame;
+  ASSERT_TRUE(frames->next(frame));
+  EXPECT_EQ(frame.t, 1'500'000'000);
+  EXPECT_EQ(frame.width, 8);
+  EXPECT_EQ(frame.grey[8 + 3], 60);
+  EXPECT_THROW(frames->next(frame), DataError);
+
+  const Camera camera{8, 6, 10, 10, 4, 3, Distortion::kNone, {}};
+  const Image behind = backdrop(frame, camera);
+  EXPECT_EQ(behind.pixel(3, 1), (Rgb{30, 30, 30}));
+  const PictureEvent event{{2, 1}, 7, true};
+  const Image picture = draw_event_picture(8, 6, {&event, 1}, {}, 2, &behind);
+  EXPECT_EQ(picture.pixel(7, 2), (Rgb{30, 30, 30}));
+  EXPECT_EQ(picture.pixel(5, 3), line_colour(7));
+  // A lens that bends inwards moves a border pixel in; beyond the frame nothing is known.
+  const Camera bent{8, 6, 10, 10, 4, 3, Distortion::kRadTan, {-1, 0, 0, 0, 0}};
+  EXPECT_EQ(backdrop(frame, bent).pixel(0, 3), (Rgb{10, 10, 10}));
+}
+
 }  // namespace
 }  // namespace idol

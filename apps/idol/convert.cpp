@@ -13,6 +13,7 @@ namespace {
 
 struct ConvertArguments {
   ConvertRequest request;
+  RigArguments rig;
   std::string format;
   SpanArguments span;
   StreamArguments streams;
@@ -22,6 +23,8 @@ int convert(const ConvertArguments& arguments) {
   install_interrupt_handler();
   ConvertRequest request = arguments.request;
   request.format = parse_recording_format(arguments.format);
+  request.rig_path = arguments.rig.rig;
+  request.imu_rig_path = arguments.rig.imu_rig;
   request.from_s = arguments.span.from_s;
   request.to_s = arguments.span.to_s;
   request.choice = arguments.streams.choice;
@@ -45,8 +48,7 @@ void add_convert(CLI::App& app, Action& action) {
   command->add_option("--format", a->format, "of OUT, whatever it is called")
       ->check(CLI::IsMember({"text", "bag", "hdf5", "aedat4"}));
   command->add_flag("--compress", a->request.compress, "smaller, and slower to read");
-  command->add_option("--rig", a->request.rig_path, "calibration to write into a folder of text files");
-  command->add_option("--imu-rig", a->request.imu_rig_path, "IMU noise (Kalibr imu.yaml)");
+  a->rig.declare(*command);
   a->span.declare(*command);
   a->streams.declare(*command);
   command->footer(

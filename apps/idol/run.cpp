@@ -20,7 +20,8 @@ double seconds_since(Clock::time_point begin) {
 }
 
 struct RunArguments {
-  std::filesystem::path sequence, out, rig, imu_rig;
+  std::filesystem::path sequence, out;
+  RigArguments rig;
   double rate_hz = 0;
   bool live = false;
   OptionArguments options;
@@ -64,8 +65,8 @@ int run(const RunArguments& arguments) {
   install_interrupt_handler();
   RunRequest request;
   request.sequence = arguments.sequence;
-  request.rig_path = arguments.rig;
-  request.imu_rig_path = arguments.imu_rig;
+  request.rig_path = arguments.rig.rig;
+  request.imu_rig_path = arguments.rig.imu_rig;
   request.out = arguments.out;
   request.preset = arguments.options.preset;
   request.options = arguments.options.resolve();
@@ -95,10 +96,11 @@ int run(const RunArguments& arguments) {
 void add_run(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<RunArguments>();
   auto* command = app.add_subcommand("run", "Estimate trajectory and 3D lines of a recording");
-  command->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")->required();
+  command
+      ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
+      ->required();
   command->add_option("--out", arguments->out, "folder for the results; created if missing")->required();
-  command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
-  command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  arguments->rig.declare(*command);
   command->add_option("--rate", arguments->rate_hz, "sample both trajectories at this rate [Hz]")
       ->check(CLI::PositiveNumber);
   command->add_flag("--live", arguments->live,
@@ -108,7 +110,7 @@ void add_run(CLI::App& app, Action& action) {
   arguments->streams.declare(*command);
   command->footer(
       "Examples:\n"
-      "  idol run shapes_6dof --rig configs/rig_davis240c.yaml --out out\n"
+      "  idol run shapes_6dof.bag --out out                       of the RPG dataset\n"
       "  idol run recording.bag --rig rig.yaml --from 5 --to 20 --out out\n"
       "  idol run recording.aedat4 --rig rig.yaml --preset paper --set window.overlap=0 --out out");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -13,7 +13,7 @@
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/picture.hpp"
-#include "idol/jobs/picture_events.hpp"
+#include "idol/report/picture_events.hpp"
 
 namespace idol::cli {
 namespace {

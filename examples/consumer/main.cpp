@@ -28,7 +28,7 @@ int main(int argc, char** argv) try {
   if (!truth) return std::fprintf(stderr, "consumer: no ground truth\n"), 1;
   const idol::Evaluation errors = idol::evaluate(trajectory, *truth, {.protocols = {"full"}});
   std::printf("idol %s: %zu poses, RMSE %.4f m, %zu ready rigs\n", idol::kVersion, trajectory.size(),
-              errors.protocols.front().figures.translation_m.rmse, idol::ready_rig_names().size());
+              errors.protocols.front().figures.translation_m.rmse, idol::ready_rigs().size());
 } catch (const std::exception& e) {
   return std::fprintf(stderr, "consumer: %s\n", e.what()), 1;
 }

@@ -55,7 +55,14 @@ PYBIND11_MODULE(_core, module) {
       "An option or name that does not exist, or a value out of range.";
   module.attr("event_dtype") = idol::python::event_dtype();
   module.attr("imu_dtype") = idol::python::imu_dtype();
-  module.def("ready_rigs", &idol::ready_rig_names, "Names of the rigs that come with idol.");
+  module.def(
+      "ready_rigs",
+      [] {
+        std::vector<std::string> names;
+        for (const idol::ReadyRig& rig : idol::ready_rigs()) names.emplace_back(rig.name);
+        return names;
+      },
+      "Names of the rigs that come with idol.");
   idol::python::bind_rig(module);
   idol::python::bind_odometry(module);
   idol::python::bind_recordings(module);

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <span>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -19,7 +20,8 @@ using Clock = std::chrono::steady_clock;
 Rig rig_of(const RunRequest& request, Diagnostics& diagnostics) {
   check_exists(request.sequence);
   if (request.rig) return *request.rig;
-  return load_rig(request.sequence, request.rig_path, request.imu_rig_path, &diagnostics);
+  return load_rig(request.sequence, request.rig_path, request.imu_rig_path, &diagnostics,
+                  stated_size(request.sequence, request.choice));
 }
 
 std::unique_ptr<Reader> reader_of(const RunRequest& request, const Rig& rig) {
@@ -141,12 +143,25 @@ RecordingRun::Outcome RecordingRun::explain_no_estimate() const {
   return {End::kBadData, fmt::format("{}: no window could be estimated: {}", summary_.sequence, why)};
 }
 
+// Of no consequence for the estimate: damage is a warning.
+void RecordingRun::add_backdrops() {
+  try {
+    if (const auto frames = open_recording(request_.sequence, request_.choice)->frames())
+      recorder_.add_backdrops(*frames);
+  } catch (const std::runtime_error& e) {  // DataError, UsageError
+    summary_.diagnostics.warn("bad_frames", e.what());
+  }
+}
+
 // Results first, then what is said about them: even a damaged recording leaves what came before.
 RecordingRun::Outcome RecordingRun::go() {
   Outcome outcome = feed();
   if (outcome.end == End::kDone && !odometry_.started()) outcome = explain_no_estimate();
   const bool write = !request_.out.empty();
-  if (write) recorder_.write_results(odometry_);
+  if (write) {
+    if (odometry_.started()) add_backdrops();
+    recorder_.write_results(odometry_);
+  }
   summary_.status = outcome.end == End::kDone ? "done" : outcome.message;
   monitor_.report(summary_.sequence, summary_.diagnostics);
   summary_.diagnostics.merge(reader_->diagnostics());

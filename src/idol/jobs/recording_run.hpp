@@ -71,6 +71,7 @@ class RecordingRun {
   void push(const Packet& packet);
   void check_sensor();
   [[nodiscard]] Outcome explain_no_estimate() const;
+  void add_backdrops();
 
   RunRequest request_;
   RunListeners listeners_;

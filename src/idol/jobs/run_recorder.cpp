@@ -10,7 +10,7 @@
 
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
-#include "idol/jobs/picture_events.hpp"
+#include "idol/report/picture_events.hpp"
 #include "idol/version.hpp"
 
 namespace idol {
@@ -131,6 +131,19 @@ void RunRecorder::take_snapshot(const Estimate& e) {
   snapshots_.push_back(std::move(shot));
 }
 
+void RunRecorder::add_backdrops(FrameSource& frames) {
+  constexpr Time kFarthest = 30'000'000;
+  for (Frame frame; frames.next(frame);) {
+    const Time t = frame.t + from_seconds(rig_.time_offset_s);
+    for (Snapshot& shot : snapshots_) {
+      const Time off = std::abs(t - shot.t);
+      if (off > kFarthest || (shot.behind && off >= shot.behind_off)) continue;
+      shot.behind = backdrop(frame, rig_.camera);
+      shot.behind_off = off;
+    }
+  }
+}
+
 void RunRecorder::write_results(const Odometry& odometry) const {
   if (!odometry.started()) return;
   write_trajectories(odometry);
@@ -196,9 +209,9 @@ void RunRecorder::write_pictures() const {
   if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
   for (const auto& shot : snapshots_) {
     const double t = seconds_between(snapshots_.front().t, shot.t);
-    write_png(
-        folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
-        draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines, kPictureScale));
+    write_png(folder / fmt::format("window_{:05}_{:.2f}.png", shot.window, t),
+              draw_event_picture(rig_.camera.width, rig_.camera.height, shot.events, shot.lines,
+                                 kPictureScale, shot.behind ? &*shot.behind : nullptr));
   }
 }
 

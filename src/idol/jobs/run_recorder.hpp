@@ -52,6 +52,10 @@ class RunRecorder {
   /// Empty without an estimate.
   [[nodiscard]] Trajectories trajectories(const Odometry& odometry) const;
 
+  /// Puts the recording's own pictures behind those of the run, where one was taken at nearly the same time.
+  /// Throws DataError if they are damaged.
+  void add_backdrops(FrameSource& frames);
+
   [[nodiscard]] std::size_t windows() const { return rows_.size(); }
   /// Length of what has been estimated so far [s].
   [[nodiscard]] double data_s() const {
@@ -85,6 +89,8 @@ class RunRecorder {
     Time t = 0;
     std::vector<PictureEvent> events;
     std::vector<PictureLine> lines;
+    std::optional<Image> behind;
+    Time behind_off = 0;  // between its time and t
   };
 
   void publish(const Estimate& estimate);

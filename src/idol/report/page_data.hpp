@@ -8,7 +8,7 @@
 
 namespace idol {
 
-/// JSON that is safe inside a <script> element: it holds no '<'.
+/// JSON that is safe inside a page's script element: it holds no '<'.
 std::string page_data(const RunFolder& run);
 
 /// RFC 4648, with padding.

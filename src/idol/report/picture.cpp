@@ -117,9 +117,27 @@ Rgb line_colour(LineId id) {
   return kPalette[((hash >> 32) * kPalette.size()) >> 32];
 }
 
+Image backdrop(const Frame& frame, const Camera& camera) {
+  Image image(camera.width, camera.height);
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const Vec2 raw = camera.distort(camera.normalise(Vec2(x, y)));
+      if (!(raw.x() >= 0 && raw.y() >= 0 && raw.x() <= frame.width - 1 && raw.y() <= frame.height - 1))
+        continue;
+      const auto column = static_cast<std::size_t>(std::lround(raw.x())),
+                 row = static_cast<std::size_t>(std::lround(raw.y()));
+      const std::uint8_t grey = frame.grey[row * static_cast<std::size_t>(frame.width) + column];
+      const auto dim = static_cast<std::uint8_t>(grey / 2);  // so that events stand out
+      image.set(x, y, {dim, dim, dim});
+    }
+  return image;
+}
+
 Image draw_event_picture(int width, int height, std::span<const PictureEvent> events,
-                         std::span<const PictureLine> lines, int scale) {
+                         std::span<const PictureLine> lines, int scale, const Image* behind) {
   Image image(width * scale, height * scale, kBackground);
+  for (int y = 0; behind != nullptr && y < height; ++y)
+    for (int x = 0; x < width; ++x) image.fill_square(x * scale, y * scale, scale, behind->pixel(x, y));
   const auto draw_events = [&](bool claimed) {
     for (const PictureEvent& e : events) {
       if ((e.id != kNoLine) != claimed || !e.px.allFinite()) continue;

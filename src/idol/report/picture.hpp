@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "idol/base/camera.hpp"
 #include "idol/base/types.hpp"
+#include "idol/io/frame.hpp"
 
 namespace idol {
 
@@ -68,10 +70,14 @@ struct PictureLine {
 /// Colour of a line in every picture and view; neighbouring ids differ, to colour-blind eyes too.
 Rgb line_colour(LineId id);
 
+/// A frame dimmed and undistorted, to be put behind events. Black where it knows nothing.
+Image backdrop(const Frame& frame, const Camera& camera);
+
 /// The sensor enlarged `scale` times: events in the colour of their line (grey: none; darker: negative
-/// polarity), over them the lines, white with ends in their colour.
+/// polarity), over them the lines, white with ends in their colour. Behind them `behind`, of the sensor's
+/// size, if there is one.
 Image draw_event_picture(int width, int height, std::span<const PictureEvent> events,
-                         std::span<const PictureLine> lines, int scale);
+                         std::span<const PictureLine> lines, int scale, const Image* behind = nullptr);
 
 /// Throws DataError when the disk refuses.
 void write_png(const std::filesystem::path& path, const Image& image);

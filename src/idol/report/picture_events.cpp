@@ -1,4 +1,4 @@
-#include "idol/jobs/picture_events.hpp"
+#include "idol/report/picture_events.hpp"
 
 #include <cmath>
 
