@@ -107,7 +107,7 @@ void bind_estimate(py::module_& module) {
 void bind_odometry(py::module_& module) {
   bind_state(module);
   bind_estimate(module);
-  py::class_<Session>(module, "Session", py::dynamic_attr())
+  py::class_<Session>(module, "Session")
       .def(py::init([](const Rig& rig, const std::string& preset, const Settings& settings) {
              return std::make_unique<Session>(rig, make_options(preset, settings));
            }),

@@ -15,7 +15,7 @@ namespace idol::python {
 
 /// What a listener is given. State and figures are its own; lines and covariance are looked up in the
 /// estimator, which is possible while the listener runs.
-class __attribute__((visibility("hidden"))) PyEstimate {
+class PyEstimate {
  public:
   explicit PyEstimate(const Estimate& estimate);
   void expire() { backend_ = nullptr; }
@@ -33,7 +33,7 @@ class __attribute__((visibility("hidden"))) PyEstimate {
 
 /// Calls a Python function with each estimate, from whatever thread. An exception in it becomes one of C++,
 /// which the thread that pushes meets.
-class __attribute__((visibility("hidden"))) Listener {
+class Listener {
  public:
   explicit Listener(py::function function) : function_(std::move(function)) {}
   void operator()(const Estimate& estimate);
@@ -47,7 +47,7 @@ class __attribute__((visibility("hidden"))) Listener {
 /// Every method is called with the GIL, and releases it while the library works. One call at a time: another
 /// thread's waits. None from within the listener, which would wait for itself. What a listener throws comes out
 /// of the next call that feeds or waits; nothing can be fed after it.
-class __attribute__((visibility("hidden"))) Session {
+class Session {
  public:
   Session(const Rig& rig, const Options& options);
   ~Session() { close(); }
