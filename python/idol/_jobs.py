@@ -13,6 +13,9 @@ from ._types import Lines, PathLike, Result, States, Trajectory
 
 Options = Mapping[str, Any]
 
+# What came before the damage, for errors of idol.run.
+_core.DataError.result = None
+
 
 def settings(options: Optional[Options], prefix: str = "") -> Dict[str, str]:
     """Options as the library takes them: text by dotted name. Groups may be dicts in the dict."""
