@@ -113,7 +113,7 @@ TEST(Convert, WrongUsage) {
 }
 
 /// All of a recording, a row a line.
-std::string rows_of(const Packet& packet, const Trajectory& truth) {
+std::string recording_rows(const Packet& packet, const Trajectory& truth) {
   std::string text;
   for (const Event& e : packet.events) text += fmt::format("{} {} {} {:d}\n", e.t, e.x, e.y, e.polarity);
   const auto numbers = [&](const auto& values) {
@@ -158,7 +158,7 @@ for _, m, _ in bag.read_messages('/optitrack/davis'):
     row(m.header.stamp.to_nsec(), p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 )",
                                bag.string());
-    EXPECT_TRUE(result.out == rows_of(some_packet(), some_truth())) << result.out.substr(0, 300);
+    EXPECT_TRUE(result.out == recording_rows(some_packet(), some_truth())) << result.out.substr(0, 300);
   }
 }
 
@@ -253,7 +253,7 @@ for t, a, g in zip(imu['t'][:], imu['accel'][:], imu['gyro'][:]): row(t, *a, *g)
 for t, p, q in zip(truth['t'][:], truth['position'][:], truth['orientation'][:]): row(t, *p, *q)
 )",
                                file.string());
-    EXPECT_TRUE(result.out == rows_of(some_packet(), some_truth())) << result.out.substr(0, 300);
+    EXPECT_TRUE(result.out == recording_rows(some_packet(), some_truth())) << result.out.substr(0, 300);
   }
 }
 

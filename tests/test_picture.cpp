@@ -150,7 +150,8 @@ TEST(Picture, FrameBehindTheEvents) {
   std::filesystem::create_directory(dir.path() / "images");
   write_png(dir.path() / "images/frame_0.png", photo);
   EXPECT_EQ(open_listed_images(dir.path()), nullptr);
-  dir.write("images.txt", "# t file\n1.5 images/frame_0.png\n2.5 images/absent.png\n");
+  dir.write("images.txt", "# t file\n1.5 images/frame_0.png\n2 images/absent.png\n2.5 images/bad.png\n");
+  dir.write("images/bad.png", "no picture");
   const auto frames = open_listed_images(dir.path());
   Frame frame;
   ASSERT_TRUE(frames->next(frame));

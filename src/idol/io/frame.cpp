@@ -51,8 +51,10 @@ class ListedImages : public FrameSource {
       if (!t || !(words >> file))
         throw DataError(
             fmt::format("{}:{}: a stamp and the name of a picture are expected", path_.string(), line_));
+      const auto picture = path_.parent_path() / file;
+      if (!std::filesystem::exists(picture)) continue;  // the list is often had without its pictures
       frame.t = *t;
-      read_png(path_.parent_path() / file, frame);
+      read_png(picture, frame);
       return true;
     }
     return false;
