@@ -10,9 +10,10 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const idol::Bytes message(data + 1, size - 1);
-  constexpr const char* kTypes[] = {"dvs_msgs/EventArray",           "prophesee_event_msgs/EventArray",
-                                    "event_camera_msgs/EventPacket", "sensor_msgs/Imu",
-                                    "geometry_msgs/PoseStamped",     "nav_msgs/Odometry"};
+  constexpr const char* kTypes[] = {
+      "dvs_msgs/EventArray", "prophesee_event_msgs/EventArray", "event_camera_msgs/EventPacket",
+      "sensor_msgs/Imu",     "geometry_msgs/PoseStamped",       "nav_msgs/Odometry",
+      "sensor_msgs/Image"};
   const char* type = kTypes[data[0] % std::size(kTypes)];
   try {
     if (idol::is_event_type(type)) {
@@ -21,6 +22,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       for (int i = 0; i < 2; ++i) decoder.decode(message, events);
     } else if (idol::is_imu_type(type)) {
       static_cast<void>(idol::decode_imu(message));
+    } else if (idol::is_image_type(type)) {
+      idol::Frame frame;
+      idol::decode_image(message, frame);
     } else {
       static_cast<void>(idol::decode_pose(message, type));
     }

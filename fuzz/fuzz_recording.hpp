@@ -57,6 +57,11 @@ void read_in_every_way(const std::uint8_t* data, std::size_t size) {
   attempt([&] { static_cast<void>(Format(file.path(), StreamChoice{}).streams()); });
   attempt([&] { static_cast<void>(Format(file.path(), StreamChoice{}).resolution()); });
   attempt([&] { static_cast<void>(Format(file.path(), StreamChoice{}).groundtruth()); });
+  attempt([&] {
+    const auto frames = Format(file.path(), StreamChoice{}).frames();
+    Frame frame;
+    while (frames && frames->next(frame)) static_cast<void>(frame.grey.size());
+  });
 }
 
 }  // namespace idol

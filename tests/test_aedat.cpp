@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "idol/base/diagnostics.hpp"
@@ -36,6 +37,19 @@ TEST(Aedat, RealRecordings) {
   const auto streams = stream_counts(data / "aestream_davis346.aedat4");
   EXPECT_EQ(streams.at("frames"), 3);
   EXPECT_EQ(streams.at("triggers"), 15);
+  const auto frames = open_recording(data / "aestream_davis346.aedat4")->frames();
+  ASSERT_TRUE(frames);
+  int count = 0;
+  for (Frame frame; frames->next(frame); ++count) {
+    EXPECT_EQ(frame.width, 346);
+    EXPECT_EQ(frame.height, 260);
+    EXPECT_GE(frame.t, davis.events.front().t - from_seconds(0.1));
+    EXPECT_LE(frame.t, davis.events.back().t + from_seconds(0.1));
+    // A picture, not a constant.
+    const auto [least, most] = std::minmax_element(frame.grey.begin(), frame.grey.end());
+    EXPECT_GT(*most - *least, 50);
+  }
+  EXPECT_EQ(count, 3);
   const auto size = open_recording(data / "aestream_davis346.aedat4")->resolution();
   EXPECT_EQ(size.width, 346);
   EXPECT_EQ(size.height, 260);

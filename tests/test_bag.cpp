@@ -172,6 +172,30 @@ TEST(BagMessages, PropheseeArrayAndPoses) {
   }
 }
 
+TEST(BagMessages, Images) {
+  const auto image = [](const std::string& encoding, std::uint32_t stride, std::initializer_list<int> bytes) {
+    Message m;
+    m.header(5, 6).put<std::uint32_t>(2).put<std::uint32_t>(2).text(encoding).put<std::uint8_t>(0).put(
+        stride);
+    m.put(static_cast<std::uint32_t>(bytes.size()));
+    for (const int byte : bytes) m.put(static_cast<std::uint8_t>(byte));
+    return m.bytes();
+  };
+  using Grey = std::vector<std::uint8_t>;
+  Frame frame;
+  decode_image(image("mono8", 3, {1, 2, 99, 3, 4, 99}), frame);
+  EXPECT_EQ(frame.t, 5'000'000'006);
+  EXPECT_EQ(frame.width, 2);
+  EXPECT_EQ(frame.grey, (Grey{1, 2, 3, 4}));
+  decode_image(image("bgr8", 6, {3, 6, 9, 0, 0, 3, 255, 255, 255, 1, 1, 1}), frame);
+  EXPECT_EQ(frame.grey, (Grey{6, 1, 255, 1}));
+  decode_image(image("mono16", 4, {7, 1, 7, 2, 7, 3, 7, 4}), frame);
+  EXPECT_EQ(frame.grey, (Grey{1, 2, 3, 4}));
+  EXPECT_THROW(decode_image(image("mono8", 2, {1, 2, 3}), frame), BadBytes);
+  EXPECT_THROW(decode_image(image("mono8", 1, {1, 2, 3, 4}), frame), BadBytes);
+  EXPECT_THROW(decode_image(image("yuv422", 4, {1, 2, 3, 4, 5, 6, 7, 8}), frame), BadBytes);
+}
+
 TEST(BagMessages, UnknownEncoding) {
   Message m = event_packet("evt2", 0);
   m.put<std::uint32_t>(0);

@@ -62,8 +62,8 @@ TEST(Configs, CompletionAndManualKnowEveryCommand) {
   for (const std::string shell : {"bash", "zsh"}) {
     const auto script = run_idol("completion " + shell);
     ASSERT_EQ(script.status, 0) << script.err;
-    for (const std::string command : {"run", "convert", "info", "segment", "evaluate", "simulate", "preintegrate",
-                                      "report", "config", "completion"}) {
+    for (const std::string command : {"run", "convert", "info", "segment", "evaluate", "simulate",
+                                      "preintegrate", "report", "config", "completion"}) {
       EXPECT_NE(help.find("  " + command + " "), std::string::npos) << command;
       EXPECT_NE(script.out.find(command), std::string::npos) << command;
       EXPECT_NE(manual.find("idol " + command), std::string::npos) << command << " is not in docs/idol.1";
@@ -72,11 +72,20 @@ TEST(Configs, CompletionAndManualKnowEveryCommand) {
     EXPECT_NE(script.out.find("--events-topic"), std::string::npos);
   }
   // Bash at least can be had everywhere: what follows "idol run --im".
-  const fs::path file = dir.write("completion.bash", run_idol("completion bash").out +
-                                      "COMP_WORDS=(idol run --im) COMP_CWORD=2\n_idol\necho \"${COMPREPLY[*]}\"\n");
+  const fs::path file = dir.write(
+      "completion.bash", run_idol("completion bash").out +
+                             "COMP_WORDS=(idol run --im) COMP_CWORD=2\n_idol\necho \"${COMPREPLY[*]}\"\n");
   const fs::path out = dir.path() / "out";
   ASSERT_EQ(std::system(("bash " + file.string() + " >" + out.string()).c_str()), 0);
   EXPECT_EQ(read_text(out), "--imu-rig --imu-topic --imu\n");
+}
+
+TEST(Configs, CitationHasTheVersion) {
+  std::string version = run_idol("--version").out;  // idol 1.2.3
+  version.pop_back();
+  const std::string citation = read_text(fs::path(IDOL_CONFIG_DIR).parent_path() / "CITATION.cff");
+  EXPECT_NE(citation.find("\nversion: " + version.substr(version.find(' ') + 1) + "\n"), std::string::npos)
+      << version;
 }
 
 // What the README promises is what is there.

@@ -1,9 +1,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <map>
 
+#include "idol/io/bag_writer.hpp"
+#include "idol/io/trajectory_io.hpp"
 #include "recording_util.hpp"
 #include "test_util.hpp"
 
@@ -40,9 +43,9 @@ TEST(Convert, SameTrajectoryThroughEveryFormat) {
     ASSERT_EQ(converted.status, 0) << converted.err;
     const auto run = run_idol("run " + path + " --out " + out + " --rig " + kDemo + "/camchain-imucam.yaml");
     ASSERT_EQ(run.status, 0) << run.err;
-    results[name] = slurp(fs::path(out) / "states.csv") +
-                    slurp(fs::path(out) / "trajectory_camera_causal.txt") +
-                    slurp(fs::path(out) / "lines.csv");
+    for (const char* file :
+         {"states.csv", "trajectory_camera.txt", "trajectory_camera_causal.txt", "lines.csv"})
+      results[name] += slurp(fs::path(out) / file);
     EXPECT_GT(results[name].size(), 5000u);
     EXPECT_TRUE(results[name] == results["text"]) << name;
   }
@@ -65,6 +68,40 @@ TEST(Convert, TextKeepsEverything) {
   EXPECT_EQ(run_idol("evaluate " + text + "/groundtruth.txt " + bag + " --protocol full").status, 0);
 }
 
+// The RPG dataset's bags as they are: nothing but the bag.
+TEST(Convert, BagOfADavis240cRunsWithNoOption) {
+  const TempDir dir;
+  const std::string bag = (dir.path() / "shapes.bag").string(), out = (dir.path() / "out").string();
+  ASSERT_EQ(run_idol("convert " + kDemo + " " + bag + " --from 1 --to 2.5").status, 0);
+  const auto run = run_idol("run " + bag + " --out " + out);
+  EXPECT_EQ(run.status, 0) << run.err;
+  expect_says(run.err, {"DAVIS240C", "RPG dataset", "--rig davis240c"});
+  EXPECT_TRUE(fs::exists(fs::path(out) / "evaluation.json"));
+  const auto named = run_idol("run " + bag + " --rig davis240c --out " + out);
+  EXPECT_EQ(named.status, 0) << named.err;
+  EXPECT_EQ(named.err.find("RPG dataset"), std::string::npos) << named.err;
+}
+
+TEST(Convert, CutOffFilesLeaveATrajectoryOfWhatCameBefore) {
+  const TempDir dir;
+  for (const std::string name : {"r.bag", "r.aedat4"}) {
+    const std::string whole = (dir.path() / name).string(), out = (dir.path() / ("out_" + name)).string();
+    ASSERT_EQ(run_idol("convert " + kDemo + " " + whole + " --from 1 --to 3").status, 0);
+    const std::string bytes = slurp(whole);
+    const auto cut = dir.write("cut_" + name, bytes.substr(0, bytes.size() * 7 / 10));
+    const auto run = run_idol("run " + cut.string() + " --rig davis240c --out " + out);
+    EXPECT_EQ(run.status, 1);
+    expect_says(run.err, {"cut_" + name, "byte "});
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    const Trajectory poses = read_trajectory(fs::path(out) / "trajectory_camera.txt");
+    EXPECT_GT(seconds_between(poses.front().t, poses.back().t), 0.8) << name;
+    // The same through convert: what can be read is written.
+    const auto converted = run_idol("convert " + cut.string() + " " + (dir.path() / "rest.h5").string());
+    EXPECT_EQ(converted.status, 1);
+    EXPECT_GT(read_back(dir.path() / "rest.h5").events.size(), 50'000u) << name;
+  }
+}
+
 TEST(Convert, WrongUsage) {
   const TempDir dir;
   const fs::path bag = dir.path() / "r.bag";
@@ -75,51 +112,148 @@ TEST(Convert, WrongUsage) {
   EXPECT_EQ(read_back(bag).events.size(), 5000u);
 }
 
+/// All of a recording, a row a line.
+std::string recording_rows(const Packet& packet, const Trajectory& truth) {
+  std::string text;
+  for (const Event& e : packet.events) text += fmt::format("{} {} {} {:d}\n", e.t, e.x, e.y, e.polarity);
+  const auto numbers = [&](const auto& values) {
+    for (Eigen::Index i = 0; i < values.size(); ++i) text += fmt::format(" {:.17g}", values[i]);
+  };
+  for (const ImuSample& s : packet.imu) {
+    text += fmt::format("{}", s.t);
+    numbers(s.accel), numbers(s.gyro);
+    text += '\n';
+  }
+  for (const StampedPose& pose : truth) {
+    text += fmt::format("{}", pose.t);
+    numbers(pose.T.p), numbers(pose.T.q.coeffs());
+    text += '\n';
+  }
+  return text;
+}
+
+constexpr const char* kPrintRow = R"(
+def row(t, *values): print(t, *('%.17g' % v for v in values))
+)";
+
 TEST(Convert, BagIsReadByRosbag) {
   const TempDir dir;
   if (!python_has(dir, "rosbag")) GTEST_SKIP() << "python3-rosbag is not installed";
-  const Packet packet = some_packet();
-  for (const bool compress : {false, true}) {
-    const fs::path bag = dir.path() / "r.bag";
-    write(bag, {packet}, compress, some_truth());
-    const auto result = python(dir, R"(
+  const fs::path bag = dir.path() / "r.bag";
+  for (const BlockCodec codec : {BlockCodec::kNone, BlockCodec::kLz4, BlockCodec::kBzip2}) {
+    BagWriter writer(bag, {240, 180}, codec);
+    writer.add(some_packet());
+    EXPECT_TRUE(writer.add_groundtruth(some_truth()));
+    writer.close();
+    const auto result = python(dir, std::string(kPrintRow) + R"(
 import rosbag, sys
 bag = rosbag.Bag(sys.argv[1])
-events = [e for _, m, _ in bag.read_messages('/dvs/events') for e in m.events]
-imu = [m for _, m, _ in bag.read_messages('/dvs/imu')]
-poses = [m for _, m, _ in bag.read_messages('/optitrack/davis')]
-print(len(events), events[7].x, events[7].y, events[7].ts.to_nsec(), int(events[7].polarity))
-print(len(imu), imu[3].header.stamp.to_nsec(), repr(imu[3].linear_acceleration.z), repr(imu[3].angular_velocity.x))
-print(len(poses), repr(poses[2].pose.position.y))
+for _, m, _ in bag.read_messages('/dvs/events'):
+    for e in m.events: print(e.ts.to_nsec(), e.x, e.y, int(e.polarity))
+for _, m, _ in bag.read_messages('/dvs/imu'):
+    a, g = m.linear_acceleration, m.angular_velocity
+    row(m.header.stamp.to_nsec(), a.x, a.y, a.z, g.x, g.y, g.z)
+for _, m, _ in bag.read_messages('/optitrack/davis'):
+    p, q = m.pose.position, m.pose.orientation
+    row(m.header.stamp.to_nsec(), p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 )",
                                bag.string());
-    const Event& e = packet.events[7];
-    const ImuSample& s = packet.imu[3];
-    EXPECT_EQ(result.out, fmt::format("{} {} {} {} {}\n{} {} {} {}\n{} {}\n", packet.events.size(), e.x, e.y,
-                                      e.t, e.polarity ? 1 : 0, packet.imu.size(), s.t, s.accel.z(),
-                                      s.gyro.x(), some_truth().size(), some_truth()[2].T.p.y()));
+    EXPECT_TRUE(result.out == recording_rows(some_packet(), some_truth())) << result.out.substr(0, 300);
+  }
+}
+
+// And bags that rosbag wrote: several topics of a kind, pictures, all three of its compressions.
+TEST(Convert, RosbagFilesAreRead) {
+  const TempDir dir;
+  if (!python_has(dir, "rosbag")) GTEST_SKIP() << "python3-rosbag is not installed";
+  const fs::path bag = dir.path() / "r.bag";
+  for (const std::string codec : {"none", "bz2", "lz4"}) {
+    const auto made = python(dir, R"(
+import rosbag, sys, rospy, genpy.dynamic
+from sensor_msgs.msg import Imu, Image
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+types = genpy.dynamic.generate_dynamic('dvs_msgs/EventArray', """std_msgs/Header header
+uint32 height
+uint32 width
+dvs_msgs/Event[] events
+================================================================================
+MSG: std_msgs/Header
+uint32 seq
+time stamp
+string frame_id
+================================================================================
+MSG: dvs_msgs/Event
+uint16 x
+uint16 y
+time ts
+bool polarity
+""")
+array, event = types['dvs_msgs/EventArray'], types['dvs_msgs/Event']
+with rosbag.Bag(sys.argv[1], 'w', compression=sys.argv[2], chunk_threshold=20000) as bag:
+    for i in range(50):
+        t = rospy.Time(1000, 20000000 * i)
+        m = array(width=346, height=260)
+        m.header.stamp = t
+        m.events = [event(x=k, y=i, ts=t + rospy.Duration(0, 1000 * k), polarity=k % 2 == 1) for k in range(100)]
+        bag.write('/dvs/events', m, t)
+        for topic in ('/dvs/imu', '/other/imu'):
+            imu = Imu()
+            imu.header.stamp = t
+            imu.linear_acceleration.z = 9.81 if topic == '/dvs/imu' else 1
+            imu.angular_velocity.x = 0.125 * i
+            bag.write(topic, imu, t)
+        pose, odometry = TransformStamped(), Odometry()
+        pose.header.stamp = odometry.header.stamp = t
+        pose.transform.translation.y, pose.transform.rotation.w = i, 1
+        odometry.pose.pose.position.z, odometry.pose.pose.orientation.w = i, 1
+        bag.write('/vicon', pose, t)
+        bag.write('/odometry', odometry, t)
+        image = Image(width=2, height=1, encoding='mono8', step=2, data=bytes([i, 200]))
+        image.header.stamp = t
+        bag.write('/dvs/image_raw', image, t)
+)",
+                             bag.string() + " " + codec);
+    ASSERT_EQ(made.status, 0) << made.out;
+    expect_says(read_back(bag).error, {"/dvs/imu, /other/imu", "--imu-topic"});
+    StreamChoice choice;
+    choice.imu = "/dvs/imu";
+    choice.truth = "/odometry";
+    const ReadBack r = read_back(bag, choice);
+    EXPECT_EQ(r.error, "");
+    ASSERT_EQ(r.events.size(), 5000u);
+    EXPECT_EQ(r.events[107], (Event{1'000'020'007'000, 7, 1, true}));
+    ASSERT_EQ(r.imu.size(), 50u);
+    EXPECT_EQ(r.imu[3].accel, Vec3(0, 0, 9.81));
+    EXPECT_EQ(r.imu[3].gyro, Vec3(0.375, 0, 0));
+    EXPECT_EQ(open_recording(bag, choice)->groundtruth()->at(4).T.p, Vec3(0, 0, 4));
+    choice.truth = "/vicon";
+    EXPECT_EQ(open_recording(bag, choice)->groundtruth()->at(4).T.p, Vec3(0, 4, 0));
+    EXPECT_EQ(open_recording(bag)->resolution().width, 346);
+    const auto frames = open_recording(bag)->frames();
+    Frame frame;
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(frames->next(frame));
+    EXPECT_EQ(frame.grey, (std::vector<std::uint8_t>{2, 200}));
   }
 }
 
 TEST(Convert, Hdf5IsReadByH5py) {
   const TempDir dir;
   if (!python_has(dir, "h5py")) GTEST_SKIP() << "python3-h5py is not installed";
-  const Packet packet = some_packet();
   const fs::path file = dir.path() / "r.h5";
   for (const bool compress : {false, true}) {
-    write(file, {packet}, compress, some_truth());
-    const auto result = python(dir, R"(
+    write(file, {some_packet()}, compress, some_truth());
+    const auto result = python(dir, std::string(kPrintRow) + R"(
 import h5py, sys
 f = h5py.File(sys.argv[1])
-e = f['events']
-print(len(e['t']), e['t'][7], e['x'][7], e['y'][7], e['p'][7], f.attrs['width'])
-print(f['imu/t'][3], repr(float(f['imu/accel'][3, 2])), f['groundtruth/orientation'].shape)
+assert (f.attrs['idol_recording'], f.attrs['width'], f.attrs['height']) == (1, 240, 180)
+e, imu, truth = f['events'], f['imu'], f['groundtruth']
+for r in zip(e['t'][:], e['x'][:], e['y'][:], e['p'][:]): print(*r)
+for t, a, g in zip(imu['t'][:], imu['accel'][:], imu['gyro'][:]): row(t, *a, *g)
+for t, p, q in zip(truth['t'][:], truth['position'][:], truth['orientation'][:]): row(t, *p, *q)
 )",
                                file.string());
-    const Event& e = packet.events[7];
-    EXPECT_EQ(result.out,
-              fmt::format("{} {} {} {} {} 240\n{} {} ({}, 4)\n", packet.events.size(), e.t, e.x, e.y,
-                          e.polarity ? 1 : 0, packet.imu[3].t, packet.imu[3].accel.z(), some_truth().size()));
+    EXPECT_TRUE(result.out == recording_rows(some_packet(), some_truth())) << result.out.substr(0, 300);
   }
 }
 

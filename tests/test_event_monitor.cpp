@@ -71,8 +71,8 @@ TEST(SensorFit, TellsAnotherSensorFromACutOut) {
   EXPECT_EQ(diagnostics.entries().at("part_of_sensor").count, 1);
 }
 
-TEST(SensorSize, HoldsAllPixelsButAFewWildOnes) {
-  SensorSize seen;
+TEST(SizeSeen, HoldsAllPixelsButAFewWildOnes) {
+  SizeSeen seen;
   EXPECT_TRUE(seen.empty());
   seen.add(spread(20000, 346, 260));
   const std::vector<Event> wild = {{0, 60000, 3, true}, {0, 3, 41000, true}};
@@ -85,11 +85,11 @@ TEST(SensorSize, HoldsAllPixelsButAFewWildOnes) {
   EXPECT_EQ(seen.size("x").width, 601);
 }
 
-TEST(SensorSize, RefusesWhatNoSensorIs) {
-  SensorSize seen;
+TEST(SizeSeen, RefusesWhatNoSensorIs) {
+  SizeSeen seen;
   seen.add(spread(20000, 5000, 10));
   EXPECT_THROW((void)seen.size("x"), DataError);
-  SensorSize one;
+  SizeSeen one;
   const std::vector<Event> single = {{0, 17, 4, true}};
   one.add(single);
   EXPECT_EQ(one.size("x").width, 18);

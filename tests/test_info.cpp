@@ -81,8 +81,9 @@ TEST(Info, NamesFormatAndStreams) {
   const auto result = run_idol("info " + quoted(dir.path() / "r.bag") + " --rig " +
                                quoted(std::filesystem::path(IDOL_CONFIG_DIR) / "rig_davis346.yaml"));
   EXPECT_EQ(result.status, 0) << result.err;
-  expect_says(result.out, {"ROS 1 bag", "/dvs/events (dvs_msgs/EventArray, 1)", "/dvs/imu (sensor_msgs/Imu, 100)",
-                           "20 poses", "recorded with 240 x 180", "not measured on yours"});
+  expect_says(result.out,
+              {"ROS 1 bag", "/dvs/events (dvs_msgs/EventArray, 1)", "/dvs/imu (sensor_msgs/Imu, 100)",
+               "20 poses", "recorded with 240 x 180", "not measured on yours"});
 }
 
 TEST(Info, ExitStatus) {
@@ -124,6 +125,40 @@ TEST(RecordingSummary, CountsGapsAndScatter) {
   EXPECT_NEAR(summary.gyro.scatter(), 0, 1e-12);
   EXPECT_TRUE(summary.events.hot_pixels().empty());
   EXPECT_EQ(RecordingSummary(0, 0).imu_period_s(), std::nullopt);
+}
+
+/// 20 s of a camera that turns to and fro at changing rates; its clock is `offset_s` behind that of the IMU.
+void write_turning(const TempDir& dir, double offset_s) {
+  const auto rate = [](double t) { return 2 * std::sin(3 * t) * std::sin(0.7 * t) + std::sin(8.3 * t); };
+  std::string events, imu;
+  int n = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const double t = 0.005 * i;
+    imu += fmt::format("{:.6f} 0 0 9.81 0.02 {} 0\n", t + offset_s, rate(t));
+    for (int k = 0; k < 2 + static_cast<int>(30 * std::abs(rate(t))); ++k, ++n)
+      events += fmt::format("{:.6f} {} {} 1\n", t + 1e-5 * k, n * 7919 % 240, n % 180);
+  }
+  dir.write("events.txt", events);
+  dir.write("imu.txt", imu);
+}
+
+TEST(Info, WarnsOfClocksApart) {
+  const TempDir dir;
+  write_turning(dir, 0.35);
+  const std::string command = "info " + quoted(dir.path());
+  expect_says(run_idol(command).out, {"0.35 s apart", "t_imu = t_camera +0.35 s"});
+  write_turning(dir, -0.2);
+  expect_says(run_idol(command).out, {"0.20 s apart", "t_camera -0.20 s"});
+  write_turning(dir, 0.03);
+  EXPECT_EQ(run_idol(command).out.find("apart"), std::string::npos);
+}
+
+TEST(Info, FindsNoClocksApartWhereTheyAreNot) {
+  const std::filesystem::path data = std::filesystem::path(IDOL_SHARED_DATA_DIR) / "sim";
+  for (const auto& recording : {std::filesystem::path(IDOL_DATA_DIR) / "shapes_demo", data / "desk_6dof"})
+    if (std::filesystem::exists(recording)) {
+      EXPECT_EQ(run_idol("info " + quoted(recording)).out.find("apart"), std::string::npos) << recording;
+    }
 }
 
 TEST(RecordingSummary, FindsTheSimulatorsHotPixels) {

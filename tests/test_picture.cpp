@@ -139,5 +139,27 @@ TEST(Picture, PngThatCannotBeWrittenIsAnError) {
   EXPECT_THROW(write_png(dir.path() / "b.png", Image(0, 0)), DataError);
 }
 
+TEST(Picture, FrameBehindTheEvents) {
+  const test::TempDir dir;
+  Image photo(8, 6);
+  for (int y = 0; y < 6; ++y)
+    for (int x = 0; x < 8; ++x)
+      photo.set(x, y,
+                {static_cast<std::uint8_t>(20 * x), static_cast<std::uint8_t>(20 * x),
+                 static_cast<std::uint8_t>(20 * x)});
+  std::filesystem::create_directory(dir.path() / "images");
+  write_png(dir.path() / "images/frame_0.png", photo);
+  EXPECT_EQ(open_listed_images(dir.path()), nullptr);
+  dir.write("images.txt", "# t file\n1.5 images/frame_0.png\n2 images/absent.png\n2.5 images/bad.png\n");
+  dir.write("images/bad.png", "no picture");
+  const auto frames = open_listed_images(dir.path());
+  Frame frame;
+  ASSERT_TRUE(frames->next(frame));
+  EXPECT_EQ(frame.t, 1'500'000'000);
+  EXPECT_EQ(frame.width, 8);
+  EXPECT_EQ(frame.grey[8 + 3], 60);
+  EXPECT_THROW(frames->next(frame), DataError);
+}
+
 }  // namespace
 }  // namespace idol

@@ -4,6 +4,7 @@
 
 #include <sstream>
 
+#include "idol/base/ready_rigs.hpp"
 #include "test_util.hpp"
 
 namespace idol {
@@ -307,6 +308,43 @@ TEST(Rig, ApproximateOnesGiveWayToACalibratedLens) {
   EXPECT_EQ(diagnostics.entries().count("approximate_rig"), 1u);
   dir.write("calibration.xml", replaced(kInivation, "1.995e+02", "3.1e+02"));
   EXPECT_EQ(load_rig(dir.path(), config).camera.fx, 310);
+}
+
+TEST(Rig, ReadyOnesByName) {
+  const TempDir dir;
+  ASSERT_EQ(ready_rigs().size(), 4u);
+  for (const ReadyRig& ready : ready_rigs()) {
+    const Rig by_name = load_rig(dir.path(), std::string(ready.name));
+    const Rig by_path = load_rig(dir.path(), fmt::format("{}/rig_{}.yaml", IDOL_CONFIG_DIR, ready.name));
+    EXPECT_EQ(rig_to_yaml(by_name), rig_to_yaml(by_path)) << ready.name;
+  }
+  EXPECT_EQ(find_camera(dir.path(), "evk4")->width, 1280);
+  expect_says(error_of([&] { load_rig(dir.path(), "davis999"); }),
+              {"davis999", "no such rig", "davis240c, davis346"});
+}
+
+TEST(Rig, AssumedForTheRpgDataset) {
+  const TempDir dir;
+  const auto of_size = [](int width, int height) { return [=] { return std::pair(width, height); }; };
+  Diagnostics diagnostics;
+  const std::string davis = rig_to_yaml(load_rig(dir.path(), "davis240c"));
+  EXPECT_EQ(rig_to_yaml(load_rig(dir.path(), {}, {}, &diagnostics, of_size(240, 180))), davis);
+  EXPECT_EQ(diagnostics.entries().count("assumed_rig"), 1u);
+  expect_says(error_of([&] { load_rig(dir.path()); }), {"no calibration"});
+  expect_says(error_of([&] { load_rig(dir.path(), {}, {}, nullptr, of_size(346, 260)); }),
+              {"no calibration", "--rig davis346", "approximate"});
+  EXPECT_EQ(error_of([&] { load_rig(dir.path(), {}, {}, nullptr, of_size(100, 100)); }).find("approximate"),
+            std::string::npos);
+  // A folder of the dataset has the lens, which counts; another camera's lens has nothing to do with it.
+  dir.write("calib.txt", kRpg);
+  const Rig rig = load_rig(dir.path(), {}, {}, &diagnostics, of_size(0, 0));
+  EXPECT_EQ(rig.camera.fx, 199.5);
+  EXPECT_EQ(rig.time_offset_s, 0.0024);
+  dir.write("calib.txt", replaced(kRpg, "199.5 198.5", "335 335"));
+  expect_says(error_of([&] { load_rig(dir.path(), {}, {}, nullptr, of_size(0, 0)); }), {"no extrinsics"});
+  // What is said is never overruled.
+  dir.write("camchain-imucam.yaml", "cam0:\n" + kLens + kRest);
+  expect_says(error_of([&] { load_rig(dir.path(), {}, {}, nullptr, of_size(240, 180)); }), {"no extrinsics"});
 }
 
 TEST(Rig, BundledDavis240cFitsTheRealRecordings) {

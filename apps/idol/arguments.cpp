@@ -66,6 +66,19 @@ void StreamArguments::declare(CLI::App& command) {
       ->type_name("PATH");
 }
 
+void RigArguments::declare(CLI::App& command) {
+  command.add_option(
+      "--rig", rig,
+      "calibration of camera and mounting: a file (Kalibr camchain, OpenVINS, Basalt) or the name of a "
+      "ready rig (davis240c, davis346, dvxplorer, evk4)");
+  command.add_option("--imu-rig", imu_rig, "IMU noise (Kalibr imu.yaml)");
+}
+
+Rig RigArguments::load(const std::filesystem::path& sequence, const StreamArguments& streams,
+                       Diagnostics* diagnostics) const {
+  return load_rig(sequence, rig, imu_rig, diagnostics, stated_size(sequence, streams.choice));
+}
+
 bool interrupted() { return interrupt_count > 0; }
 void install_interrupt_handler() {
   std::signal(SIGINT, on_interrupt);

@@ -36,6 +36,21 @@ struct StreamArguments {
   void declare(CLI::App& command);
 };
 
+/// --rig and --imu-rig.
+struct RigArguments {
+  std::filesystem::path rig, imu_rig;
+
+  void declare(CLI::App& command);
+  [[nodiscard]] bool given() const { return !rig.empty() || !imu_rig.empty(); }
+  /// The rig of a recording, as far as it is known. Throws DataError.
+  [[nodiscard]] Rig known(const std::filesystem::path& sequence) const {
+    return load_rig(sequence, rig, imu_rig);
+  }
+  /// The same; where nothing is known, one may be assumed. Throws DataError.
+  [[nodiscard]] Rig load(const std::filesystem::path& sequence, const StreamArguments& streams,
+                         Diagnostics* diagnostics = nullptr) const;
+};
+
 /// True once Ctrl-C was pressed or the program was told to terminate, after install_interrupt_handler().
 bool interrupted();
 void install_interrupt_handler();

@@ -8,9 +8,8 @@
 
 #include "commands.hpp"
 #include "idol/base/diagnostics.hpp"
+#include "idol/eval/evaluation_input.hpp"
 #include "idol/eval/evaluation_output.hpp"
-#include "idol/io/recording.hpp"
-#include "idol/io/trajectory_io.hpp"
 
 namespace idol::cli {
 namespace {
@@ -71,14 +70,6 @@ EvaluationOptions evaluation_options(const Arguments& a, const CLI::App& command
   return options;
 }
 
-Trajectory read(const fs::path& path) {
-  Trajectory trajectory = read_trajectory(path);
-  if (trajectory.empty())
-    throw DataError(
-        fmt::format("{}: holds no pose; rows 't tx ty tz qx qy qz qw' are expected", path.string()));
-  return trajectory;
-}
-
 void write_json(const std::string& path, const std::string& json) {
   std::ofstream out(path, std::ios::binary);
   out << json;
@@ -86,31 +77,12 @@ void write_json(const std::string& path, const std::string& json) {
   if (!out) throw DataError(fmt::format("{}: cannot be written; give a path in a writable folder", path));
 }
 
-/// Of a trajectory file, or of a recording.
-struct Truth {
-  Trajectory trajectory;
-  std::string name;
-  bool of_imu = false;
-};
-
-Truth read_truth(const fs::path& path) {
-  if (!holds_recording(path)) return {read(path), path.string()};
-  const auto recording = open_recording(path);
-  auto trajectory = recording->groundtruth();
-  if (!trajectory) throw DataError(fmt::format("{}: this recording has no ground truth", path.string()));
-  const auto file = fs::path(path) / "groundtruth.txt";
-  return {*trajectory, fs::exists(file) ? file.string() : path.string(), recording->truth_of_imu()};
-}
-
 int evaluate_command(Arguments a, const CLI::App& command) {
   sort_out_paths(a);
   const EvaluationOptions options = evaluation_options(a, command);
-  const Truth truth = read_truth(a.groundtruth);
-  const fs::path estimate_path =
-      fs::is_directory(a.estimate)
-          ? fs::path(a.estimate) / (truth.of_imu ? "trajectory_imu.txt" : "trajectory_camera.txt")
-          : fs::path(a.estimate);
-  const Trajectory estimate = read(estimate_path);
+  const GroundTruth truth = load_groundtruth(a.groundtruth);
+  const fs::path estimate_path = estimate_file(a.estimate, truth);
+  const Trajectory estimate = load_estimate(estimate_path);
   Evaluation evaluation;
   try {
     evaluation = evaluate(estimate, truth.trajectory, options);

@@ -17,7 +17,8 @@ namespace idol::cli {
 namespace {
 
 struct InfoArguments {
-  std::filesystem::path sequence, rig, imu_rig;
+  std::filesystem::path sequence;
+  RigArguments rig;
   StreamArguments streams;
 };
 
@@ -32,14 +33,14 @@ Calibration find_calibration(const InfoArguments& arguments, Diagnostics& diagno
   Calibration calibration;
   Diagnostics heard;
   try {
-    calibration.rig = load_rig(arguments.sequence, arguments.rig, arguments.imu_rig, &heard);
+    calibration.rig = arguments.rig.load(arguments.sequence, arguments.streams, &heard);
     calibration.camera = calibration.rig->camera;
   } catch (const DataError& e) {
-    if (!arguments.rig.empty() || !arguments.imu_rig.empty()) throw;
+    if (arguments.rig.given()) throw;
     calibration.missing = e.what();
     heard = {};
     try {
-      calibration.camera = find_camera(arguments.sequence, arguments.rig, &heard);
+      calibration.camera = find_camera(arguments.sequence, {}, &heard);
     } catch (const DataError&) {
       // The same trouble as above: said once.
     }
@@ -176,6 +177,17 @@ std::vector<std::string> judge_imu(const RecordingSummary& s, const Calibration&
   return warnings;
 }
 
+std::vector<std::string> judge_clocks(const RecordingSummary& s, const Calibration& calibration) {
+  constexpr double kTolerance = 0.1;  // [s]: what the comparison is good for
+  const auto offset = s.clocks.offset();
+  const double expected = calibration.rig ? calibration.rig->time_offset_s : 0;
+  if (!offset || !offset->certain() || std::abs(offset->seconds - expected) <= kTolerance) return {};
+  return {fmt::format(
+      "events and IMU seem to be {:.2f} s apart: their rates agree best with t_imu = t_camera {:+.2f} s; "
+      "are their clocks synchronised?",
+      std::abs(offset->seconds - expected), offset->seconds)};
+}
+
 std::vector<std::string> judge_events(const RecordingSummary& s, const Calibration& calibration) {
   std::vector<std::string> warnings;
   if (s.events.extent().long_pauses > 0)
@@ -230,7 +242,8 @@ int info(const InfoArguments& arguments) {
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
     print_groundtruth(arguments, summary, diagnostics);
-    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration)})
+    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration),
+                                 judge_clocks(summary, calibration)})
       for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
   }
   for (const auto& [kind, entry] : diagnostics.entries())
@@ -248,11 +261,9 @@ void add_info(CLI::App& app, Action& action) {
   command
       ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
       ->required();
-  command->add_option("--rig", arguments->rig, "camera calibration and mounting (Kalibr camchain)");
-  command->add_option("--imu-rig", arguments->imu_rig, "IMU noise (Kalibr imu.yaml)");
+  arguments->rig.declare(*command);
   arguments->streams.declare(*command);
-  command->footer(
-      "Examples:\n  idol info recording.aedat4\n  idol info shapes_6dof --rig configs/rig_davis240c.yaml");
+  command->footer("Examples:\n  idol info recording.aedat4\n  idol info recording.aedat4 --rig davis346");
   command->callback([&action, arguments] { action = [arguments] { return info(*arguments); }; });
 }
 

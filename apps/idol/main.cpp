@@ -2,14 +2,16 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <string>
 
 #include "commands.hpp"
 #include "idol/base/diagnostics.hpp"
+#include "idol/version.hpp"
 
 // Exit status: 0 done, 1 bad data, 2 wrong usage, 130 interrupted.
 int main(int argc, char** argv) {
   CLI::App app{"idol: event-camera and IMU odometry with lines", "idol"};
-  app.set_version_flag("--version", "idol " IDOL_VERSION);
+  app.set_version_flag("--version", std::string("idol ") + idol::kVersion);
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"

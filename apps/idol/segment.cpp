@@ -37,7 +37,7 @@ ReaderOptions reader_options(const SegmentArguments& arguments) {
 // Without a calibration the sensor is as large as its events say; a first pass over the span finds out.
 UndistortMap measure_sensor(const SegmentArguments& arguments) {
   const auto reader = open_reader(arguments.sequence, reader_options(arguments));
-  SensorSize seen;
+  SizeSeen seen;
   try {
     while (!interrupted()) {
       const auto packet = reader->next();

@@ -1,5 +1,5 @@
 // The real-time estimator: states of the last second, minimal lines, compressed events, and everything older
-// in a marginal prior (docs/architecture.md). Lines out of sight stay in the prior and are found again.
+// in a marginal prior (docs/backend.md). Lines out of sight stay in the prior and are found again.
 #pragma once
 
 #include <map>

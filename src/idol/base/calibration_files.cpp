@@ -102,8 +102,7 @@ int pixels_of(const YamlNode& node) {
   return static_cast<int>(value);
 }
 
-CalibrationFile read_calibration_file(const std::filesystem::path& path) {
-  const YamlNode root = YamlNode::load(path);
+CalibrationFile read_calibration(const YamlNode& root) {
   if (root.has("value0")) return read_basalt_file(root);
   CalibrationFile file;
   if (root.has("cam0")) {
@@ -131,11 +130,15 @@ CalibrationFile read_calibration_file(const std::filesystem::path& path) {
   if (root.has("approximate")) file.approximate = root.at("approximate").text() == "true";
   if (!root.has("cam0") && !file.imu) {
     throw DataError(
-        fmt::format("{}:1: neither 'cam0' nor IMU noise in this file; Kalibr's camchain-imucam.yaml or "
+        fmt::format("{}: neither 'cam0' nor IMU noise in this file; Kalibr's camchain-imucam.yaml or "
                     "imu.yaml, or Basalt's calibration.json, is expected",
-                    path.string()));
+                    root.where()));
   }
   return file;
+}
+
+CalibrationFile read_calibration_file(const std::filesystem::path& path) {
+  return read_calibration(YamlNode::load(path));
 }
 
 Camera read_rpg_calibration(const std::filesystem::path& path) {

@@ -28,8 +28,9 @@ struct CalibrationFile {
 /// Number of pixels, as a whole number. Throws DataError.
 int pixels_of(const YamlNode& node);
 
-/// Reads what the file of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for what it
-/// holds but makes no sense.
+/// Reads what a file (its root) of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for
+/// what it holds but makes no sense.
+CalibrationFile read_calibration(const YamlNode& root);
 CalibrationFile read_calibration_file(const std::filesystem::path& path);
 
 /// RPG calib.txt: fx fy cx cy k1 k2 p1 p2 k3; resolution 0 x 0. Throws DataError.

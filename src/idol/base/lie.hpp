@@ -11,6 +11,9 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 using Quat = Eigen::Quaterniond;
+// Eigen lays its types out by the instruction set: with AVX (-march=native) whoever includes this would see
+// other structs than idol, and Ceres below it, were built with.
+static_assert(alignof(Quat) <= 16, "compile without AVX (-march=native), or with -DEIGEN_MAX_ALIGN_BYTES=16");
 
 /// Cross-product matrix: hat(a) * b = a x b.
 inline Mat3 hat(const Vec3& a) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <tuple>
@@ -9,6 +10,8 @@
 #include "idol/base/calibration_files.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/foreign_calibrations.hpp"
+#include "idol/base/ready_rigs.hpp"
+#include "idol/base/yaml_file.hpp"
 
 namespace idol {
 
@@ -16,7 +19,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The files that describe a recording's rig: one of a whole rig, with what it holds, and one of the lens alone.
+/// The files that describe a recording's rig: one of a whole rig, with what it holds, and one of the lens
+/// alone.
 struct Sources {
   fs::path folder;
   fs::path rig_path;   ///< Kalibr's or its like; empty: none
@@ -32,13 +36,34 @@ bool is_rpg_calibration(const fs::path& path) {
   return static_cast<bool>(in >> word) && word.find_first_not_of("0123456789+-.eE,") == std::string::npos;
 }
 
+const ReadyRig* find_ready_rig(const fs::path& name) {
+  const auto rigs = ready_rigs();
+  const auto found =
+      std::find_if(rigs.begin(), rigs.end(), [&](const ReadyRig& r) { return r.name == name; });
+  return found == rigs.end() ? nullptr : &*found;
+}
+
+CalibrationFile read_ready_rig(const ReadyRig& ready) {
+  const std::string name(ready.name);
+  return read_calibration(YamlNode::parse(std::string(ready.yaml), name));
+}
+
+std::string names_of_ready_rigs() {
+  std::string names;
+  for (const ReadyRig& ready : ready_rigs())
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", ready.name);
+  return names;
+}
+
 Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
   Sources sources;
   sources.folder = fs::is_directory(sequence) ? sequence : sequence.parent_path();
+  const ReadyRig* ready = fs::exists(rig_path) ? nullptr : find_ready_rig(rig_path);
   if (!rig_path.empty()) {
-    if (!fs::is_regular_file(rig_path))
-      throw DataError(fmt::format("{}: no such rig file", rig_path.string()));
-    sources.lens_first = is_rpg_calibration(rig_path) || is_opencv_xml(rig_path);
+    if (ready == nullptr && !fs::is_regular_file(rig_path))
+      throw DataError(fmt::format("{}: no such rig file, and none of the ready rigs: {}", rig_path.string(),
+                                  names_of_ready_rigs()));
+    sources.lens_first = ready == nullptr && (is_rpg_calibration(rig_path) || is_opencv_xml(rig_path));
     (sources.lens_first ? sources.lens_path : sources.rig_path) = rig_path;
   }
   const auto take = [&](fs::path& place, const char* name) {
@@ -47,14 +72,22 @@ Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
   for (const char* name : {"camchain-imucam.yaml", "kalibr_imucam_chain.yaml", "calibration.json"})
     take(sources.rig_path, name);
   for (const char* name : {"calib.txt", "calibration.xml"}) take(sources.lens_path, name);
-  if (!sources.rig_path.empty()) sources.rig = read_calibration_file(sources.rig_path);
+  if (ready != nullptr) {
+    sources.rig = read_ready_rig(*ready);
+  } else if (!sources.rig_path.empty()) {
+    sources.rig = read_calibration_file(sources.rig_path);
+  }
   return sources;
+}
+
+bool may_be_one_lens(const Camera& a, const Camera& b) {
+  constexpr double kTolerance = 0.1;  // far more than two calibrations of one lens differ by
+  return std::abs(a.fx / b.fx - 1) < kTolerance && std::abs(a.fy / b.fy - 1) < kTolerance;
 }
 
 /// Two calibrations that cannot be of the same lens: better asked than guessed.
 void check_agreement(const Sources& sources, const Camera& a, const Camera& b) {
-  constexpr double kTolerance = 0.1;  // far more than two calibrations of one lens differ by
-  if (std::abs(a.fx / b.fx - 1) < kTolerance && std::abs(a.fy / b.fy - 1) < kTolerance) return;
+  if (may_be_one_lens(a, b)) return;
   throw DataError(
       fmt::format("{}: focal length {:.1f} px, but {:.1f} px in {}; take the lens (intrinsics, "
                   "distortion_*) out of the rig file to use calib.txt, or give a rig file of this camera",
@@ -86,11 +119,14 @@ void find_resolution(const Sources& sources, Camera& camera, Diagnostics* diagno
                   sources.lens_path.string()));
 }
 
+std::optional<Camera> lens_of(const Sources& sources) {
+  if (sources.lens_path.empty()) return std::nullopt;
+  return is_opencv_xml(sources.lens_path) ? read_inivation_file(sources.lens_path)
+                                          : read_rpg_calibration(sources.lens_path);
+}
+
 std::optional<Camera> camera_of(const Sources& sources, Diagnostics* diagnostics) {
-  std::optional<Camera> lens;
-  if (!sources.lens_path.empty())
-    lens = is_opencv_xml(sources.lens_path) ? read_inivation_file(sources.lens_path)
-                                            : read_rpg_calibration(sources.lens_path);
+  const std::optional<Camera> lens = lens_of(sources);
   std::optional<Camera> camera = sources.rig.camera;
   fs::path path = sources.rig_path;
   const bool lens_first = sources.lens_first || sources.rig.approximate;
@@ -134,23 +170,59 @@ ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
                   sources.rig_path.string()));
 }
 
+/// The recordings of the RPG dataset come with a lens (folders) or nothing (bags), and all have one rig.
+void assume_rpg_rig(Sources& sources, const StatedSize& stated, Diagnostics* diagnostics) {
+  if (!sources.rig_path.empty() || !stated) return;
+  const ReadyRig& ready = *find_ready_rig("davis240c");
+  CalibrationFile rig = read_ready_rig(ready);
+  std::pair<int, int> size = stated();
+  std::optional<Camera> lens = lens_of(sources);
+  if (lens) {
+    if (lens->width == 0) find_resolution(sources, *lens, nullptr);
+    size = {lens->width, lens->height};
+    if (!may_be_one_lens(*rig.camera, *lens)) return;
+    rig.camera.reset();
+  }
+  if (size != std::pair(rig.width, rig.height)) return;
+  sources.rig = rig;
+  sources.rig_path = ready.name;
+  if (diagnostics == nullptr) return;
+  diagnostics->warn(
+      "assumed_rig",
+      fmt::format("{}: no calibration says how {}; the sensor is a DAVIS240C, so the rig of the "
+                  "RPG dataset is taken (--rig davis240c). Of another camera, give its own",
+                  sources.folder.empty() ? "." : sources.folder.string(),
+                  lens ? "camera and IMU are mounted" : "camera and IMU are made and mounted"));
+}
+
+/// An approximate rig to begin with, if there is one for this sensor.
+std::string advice_for(const StatedSize& stated) {
+  const std::pair<int, int> size = stated ? stated() : std::pair(0, 0);
+  for (const ReadyRig& ready : ready_rigs())
+    if (const CalibrationFile rig = read_ready_rig(ready); size == std::pair(rig.width, rig.height))
+      return fmt::format("; to begin with, --rig {} is an approximate one for its {} x {} pixels", ready.name,
+                         size.first, size.second);
+  return "";
+}
+
 }  // namespace
 
 Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path& imu_path,
-             Diagnostics* diagnostics) {
-  const Sources sources = find_sources(sequence, rig_path);
+             Diagnostics* diagnostics, const StatedSize& stated) {
+  Sources sources = find_sources(sequence, rig_path);
+  assume_rpg_rig(sources, stated, diagnostics);
   if (sources.rig_path.empty() && sources.lens_path.empty()) {
     throw DataError(
         fmt::format("{}: no calibration here (camchain-imucam.yaml, or calib.txt for the camera); give a "
-                    "rig file with --rig",
-                    sources.folder.string()));
+                    "rig file with --rig{}",
+                    sources.folder.string(), advice_for(stated)));
   }
   if (!sources.rig.T_i_c) {
     const fs::path& path = sources.rig_path.empty() ? sources.lens_path : sources.rig_path;
     throw DataError(
         fmt::format("{}:1: no extrinsics: where the camera sits on the IMU (cam0: T_cam_imu) is not said; "
-                    "give a rig file that has it with --rig",
-                    path.string()));
+                    "give a rig file that has it with --rig{}",
+                    path.string(), sources.rig_path.empty() ? advice_for(stated) : ""));
   }
   Rig rig;
   rig.T_i_c = *sources.rig.T_i_c;
@@ -169,10 +241,11 @@ Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path&
   }
   rig.camera = *camera;
   if (sources.rig.approximate && diagnostics != nullptr)
-    diagnostics->warn("approximate_rig",
-                      fmt::format("{}: typical of this sensor, not measured on yours: expect a trajectory of roughly "
-                                  "the right shape, and calibrate for more",
-                                  sources.rig_path.string()));
+    diagnostics->warn(
+        "approximate_rig",
+        fmt::format("{}: typical of this sensor, not measured on yours: expect a trajectory of roughly "
+                    "the right shape, and calibrate for more",
+                    sources.rig_path.string()));
   rig.imu = imu_of(sources, imu_path);
   return rig;
 }

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "idol/base/camera.hpp"
 #include "idol/base/diagnostics.hpp"
@@ -27,15 +29,22 @@ struct Rig {
   double time_offset_s = 0;  ///< t_imu = t_camera + time_offset (Kalibr's timeshift_cam_imu)
 };
 
+/// To be asked for the width and height that a recording states itself, {0, 0} if it does not.
+using StatedSize = std::function<std::pair<int, int>()>;
+
 /// The rig of a recording. `rig_path` is a Kalibr camchain-imucam.yaml (cam0 is used; it may hold imu.yaml's
-/// keys too), a file of OpenVINS or Basalt, or a lens alone: an RPG calib.txt or iniVation's calibration XML.
-/// `imu_path` is a Kalibr imu.yaml. What they leave open is looked for in the sequence's folder. The camera of
-/// `rig_path` comes first (unless it is approximate), then that of the folder's camchain, then calib.txt, which
-/// knows no resolution: it is taken from the camchain, else from the first PNG below images/, else it is
-/// 240 x 180, with a warning, if the principal point fits that sensor (within 30 px of its centre). Throws
-/// DataError with file and line when the result is not a complete and sensible rig.
+/// keys too), a file of OpenVINS or Basalt, or a lens alone: an RPG calib.txt or iniVation's calibration XML;
+/// or the name of a ready rig (ready_rigs.hpp).
+/// `imu_path` is a Kalibr imu.yaml. What they leave open is looked for in the sequence's folder. The camera
+/// of `rig_path` comes first (unless it is approximate), then that of the folder's camchain, then calib.txt,
+/// which knows no resolution: it is taken from the camchain, else from the first PNG below images/, else it
+/// is 240 x 180, with a warning, if the principal point fits that sensor (within 30 px of its centre). With
+/// `stated` a rig may be assumed, with a warning: where nothing says how camera and IMU are mounted but the
+/// sensor is a DAVIS240C by its size (and lens, if there is one), that of the RPG dataset. Throws DataError
+/// with file and line when the result is not a complete and sensible rig.
 Rig load_rig(const std::filesystem::path& sequence, const std::filesystem::path& rig_path = {},
-             const std::filesystem::path& imu_path = {}, Diagnostics* diagnostics = nullptr);
+             const std::filesystem::path& imu_path = {}, Diagnostics* diagnostics = nullptr,
+             const StatedSize& stated = {});
 
 /// The camera alone, by the same rules; nullopt if there is no calibration. Its resolution is 0 x 0 if
 /// unknown.

@@ -17,7 +17,10 @@ YamlNode YamlNode::load(const std::filesystem::path& path) {
   std::stringstream content;
   if (!in || !(content << in.rdbuf()) || content.str().empty())
     throw DataError(fmt::format("{}: cannot be read, or is empty", name));
-  std::string text = content.str();
+  return parse(content.str(), name);
+}
+
+YamlNode YamlNode::parse(std::string text, const std::string& name) {
   if (text.starts_with("%YAML:")) text[0] = '#';  // OpenCV's first line, which is not YAML
   try {
     YAML::Node root = YAML::Load(text);

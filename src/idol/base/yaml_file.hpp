@@ -15,6 +15,8 @@ class YamlNode {
  public:
   /// The root of a file. Throws DataError if it cannot be read or is not YAML.
   static YamlNode load(const std::filesystem::path& path);
+  /// The same of text in memory, called `name` in messages.
+  static YamlNode parse(std::string text, const std::string& name);
 
   [[nodiscard]] bool has(const std::string& key) const;
   [[nodiscard]] bool is_list() const { return node_.IsSequence(); }

@@ -91,6 +91,37 @@ void AedatSource<ImuSample>::decode(Bytes buffer, std::vector<ImuSample>& rows) 
   }
 }
 
+/// table Frame { timestamp; four stamps of readout and exposure; format; sizeX; sizeY; positionX; positionY;
+/// pixels }.
+class AedatFrames : public FrameSource {
+ public:
+  AedatFrames(std::shared_ptr<const AedatFile> file, const AedatStream& stream)
+      : file_(std::move(file)), packets_(*file_, stream.id) {}
+
+  bool next(Frame& frame) override {
+    Bytes buffer;
+    if (!packets_.next(buffer)) return false;
+    try {
+      const FlatTable picture = open_packet(buffer, "FRME");
+      frame.t = from_us(picture.get<std::int64_t>(0));
+      const auto format = picture.get<std::int8_t>(5);  // OpenCV's: 0 + 8 (channels - 1) for 8 bits
+      const auto width = picture.get<std::uint16_t>(6), height = picture.get<std::uint16_t>(7);
+      const auto pixels = picture.vector(10, 1);
+      if (format < 0 || format % 8 != 0 || format > 24) throw BadBytes{"its picture is not of 8 bits"};
+      const auto channels = static_cast<std::size_t>(format / 8 + 1);
+      fill_grey(frame, buffer.subspan(pixels.at, pixels.count), width, height, width * channels, channels);
+    } catch (const BadBytes& e) {
+      throw DataError(
+          fmt::format("{}: the packet is damaged: {}", file_->file().where(packets_.place()), e.why));
+    }
+    return true;
+  }
+
+ private:
+  std::shared_ptr<const AedatFile> file_;
+  AedatPackets packets_;
+};
+
 std::int64_t count_elements(const AedatFile& file, const AedatStream& stream) {
   std::int64_t count = 0;
   AedatPackets packets(file, stream.id);
@@ -157,6 +188,12 @@ std::unique_ptr<RowSource<ImuSample>> AedatRecording::imu(Diagnostics& diagnosti
     throw DataError(fmt::format("{}: holds no IMU data; was the IMU switched on?", file_->file().name()));
   warn_if_unfinished(diagnostics);
   return std::make_unique<AedatSource<ImuSample>>(file_, *stream);
+}
+
+std::unique_ptr<FrameSource> AedatRecording::frames() {
+  for (const AedatStream& stream : file_->streams())
+    if (stream.kind == "FRME") return std::make_unique<AedatFrames>(file_, stream);
+  return nullptr;
 }
 
 std::vector<StreamInfo> AedatRecording::streams() {

@@ -21,6 +21,7 @@ class AedatRecording : public Recording {
   std::unique_ptr<RowSource<Event>> events(Diagnostics& diagnostics) override;
   std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) override;
   /// Walks through the file to count.
+  std::unique_ptr<FrameSource> frames() override;
   std::vector<StreamInfo> streams() override;
   Resolution resolution() override;
 

@@ -37,6 +37,7 @@ bool is_event_type(std::string_view type) {
   return std::find(kEventTypes.begin(), kEventTypes.end(), type) != kEventTypes.end();
 }
 bool is_imu_type(std::string_view type) { return type == "sensor_msgs/Imu"; }
+bool is_image_type(std::string_view type) { return type == "sensor_msgs/Image"; }
 bool is_pose_type(std::string_view type) {
   return type == kPoseType || type == kTransformType || type == kOdometryType;
 }
@@ -180,6 +181,24 @@ StampedPose decode_pose(Bytes message, std::string_view type) {
     throw BadBytes{"its pose is not finite, or its quaternion is not of length 1"};
   pose.T.q = q.normalized();
   return pose;
+}
+
+void decode_image(Bytes message, Frame& frame) {
+  ByteCursor cursor(message);
+  frame.t = get_header(cursor);
+  const auto height = cursor.get<std::uint32_t>(), width = cursor.get<std::uint32_t>();
+  const std::string_view encoding = cursor.text();
+  cursor.get<std::uint8_t>();  // byte order
+  const auto stride = cursor.get<std::uint32_t>();
+  const Bytes bytes = cursor.take(cursor.get<std::uint32_t>());
+  std::size_t channels = 0;
+  if (encoding.starts_with("mono") || encoding.starts_with("bayer_") || encoding.ends_with("C1"))
+    channels = 1;
+  if (encoding.starts_with("rgb") || encoding.starts_with("bgr") || encoding.ends_with("C3")) channels = 3;
+  if (encoding.starts_with("rgba") || encoding.starts_with("bgra") || encoding.ends_with("C4")) channels = 4;
+  if (channels == 0) throw BadBytes{"its picture is encoded in a way that is not known here"};
+  const bool wide = encoding.find("16") != std::string_view::npos;
+  fill_grey(frame, bytes, width, height, stride, channels, wide ? 2 : 1);
 }
 
 }  // namespace idol

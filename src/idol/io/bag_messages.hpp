@@ -8,6 +8,7 @@
 
 #include "idol/base/types.hpp"
 #include "idol/io/bytes.hpp"
+#include "idol/io/frame.hpp"
 
 namespace idol {
 
@@ -15,6 +16,7 @@ namespace idol {
 bool is_event_type(std::string_view type);
 bool is_imu_type(std::string_view type);
 bool is_pose_type(std::string_view type);
+bool is_image_type(std::string_view type);
 
 /// Events of one topic, message by message. Stamps are those of the events, in ROS time.
 class EventMessageDecoder {
@@ -45,5 +47,7 @@ class EventMessageDecoder {
 ImuSample decode_imu(Bytes message);
 /// geometry_msgs/PoseStamped, TransformStamped or nav_msgs/Odometry. Throws BadBytes.
 StampedPose decode_pose(Bytes message, std::string_view type);
+/// sensor_msgs/Image, grey (mono8, mono16, bayer_*) or in colours of 8 or 16 bits. Throws BadBytes.
+void decode_image(Bytes message, Frame& frame);
 
 }  // namespace idol

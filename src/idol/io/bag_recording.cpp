@@ -71,6 +71,29 @@ class ImuSource : public BagSource<ImuSample> {
   void decode(Bytes message, std::vector<ImuSample>& rows) override { rows.push_back(decode_imu(message)); }
 };
 
+class BagFrames : public FrameSource {
+ public:
+  BagFrames(std::shared_ptr<const BagFile> bag, const BagTopic& topic)
+      : bag_(std::move(bag)), messages_(*bag_, topic.connections), name_(topic.name) {}
+
+  bool next(Frame& frame) override {
+    BagMessages::Message message;
+    if (!messages_.next(message)) return false;
+    try {
+      decode_image(message.data, frame);
+    } catch (const BadBytes& e) {
+      throw DataError(
+          fmt::format("{}: {}: {}{}", bag_->file().where(messages_.place()), name_, kDamagedMessage, e.why));
+    }
+    return true;
+  }
+
+ private:
+  std::shared_ptr<const BagFile> bag_;
+  BagMessages messages_;
+  std::string name_;
+};
+
 }  // namespace
 
 BagRecording::BagRecording(const std::filesystem::path& path, StreamChoice choice)
@@ -134,6 +157,12 @@ std::optional<Trajectory> BagRecording::groundtruth() {
   }
   if (trajectory.empty()) return std::nullopt;
   return trajectory;
+}
+
+std::unique_ptr<FrameSource> BagRecording::frames() {
+  for (const BagTopic& topic : bag_->topics())
+    if (is_image_type(topic.type) && topic.messages != 0) return std::make_unique<BagFrames>(bag_, topic);
+  return nullptr;
 }
 
 std::vector<StreamInfo> BagRecording::streams() {

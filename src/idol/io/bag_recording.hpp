@@ -11,7 +11,7 @@ namespace idol {
 
 /// Events: dvs_msgs/EventArray, prophesee_event_msgs/EventArray, event_camera_msgs/EventPacket (mono, evt3).
 /// IMU: sensor_msgs/Imu. Truth: geometry_msgs/PoseStamped, TransformStamped, nav_msgs/Odometry; taken as the
-/// pose of the camera. Choices are topics.
+/// pose of the camera. Frames: sensor_msgs/Image. Choices are topics.
 class BagRecording : public Recording {
  public:
   /// Throws DataError if the file is no bag.
@@ -23,6 +23,7 @@ class BagRecording : public Recording {
   std::unique_ptr<RowSource<Event>> events(Diagnostics& diagnostics) override;
   std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) override;
   std::optional<Trajectory> groundtruth() override;
+  std::unique_ptr<FrameSource> frames() override;
   std::vector<StreamInfo> streams() override;
   Resolution resolution() override;
 

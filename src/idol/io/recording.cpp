@@ -101,6 +101,7 @@ class JoinedRecording : public Recording {
     return imu_->groundtruth();
   }
   [[nodiscard]] bool truth_of_imu() const override { return truth_of_imu_; }
+  std::unique_ptr<FrameSource> frames() override { return main_->frames(); }
   std::vector<StreamInfo> streams() override { return main_->streams(); }
   Resolution resolution() override { return main_->resolution(); }
 
@@ -146,6 +147,13 @@ std::unique_ptr<Recording> open_recording(const fs::path& path, const StreamChoi
   StreamChoice other = choice;
   other.imu_file.clear();
   return std::make_unique<JoinedRecording>(std::move(recording), open_recording(choice.imu_file, other));
+}
+
+StatedSize stated_size(const fs::path& path, const StreamChoice& choice) {
+  return [path, choice] {
+    const auto size = open_recording(path, choice)->resolution();
+    return std::pair(size.width, size.height);
+  };
 }
 
 }  // namespace idol

@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/rig.hpp"
 #include "idol/base/types.hpp"
+#include "idol/io/frame.hpp"
 #include "idol/io/row_source.hpp"
 
 namespace idol {
@@ -46,7 +48,10 @@ class Recording {
   virtual std::optional<Trajectory> groundtruth() { return std::nullopt; }
   /// Whether groundtruth() is of the IMU instead of the camera.
   [[nodiscard]] virtual bool truth_of_imu() const { return false; }
-  /// All streams that the file names, those included that no odometry reads (frames, triggers).
+  /// Pictures beside the events, for reports; nullptr: none, or not read from this format. Of several streams the
+  /// first one.
+  virtual std::unique_ptr<FrameSource> frames() { return nullptr; }
+  /// All streams that the file names, those included that no odometry reads (triggers).
   virtual std::vector<StreamInfo> streams() { return {}; }
   /// Size of the sensor as the recording states it [px]; zero where it does not.
   struct Resolution {
@@ -64,5 +69,8 @@ bool holds_recording(const std::filesystem::path& path);
 /// Opens a recording, whatever its format: decided by content, not by name. A folder may be a recording of
 /// its own (text, ASL) or hold one file that is. Throws DataError.
 std::unique_ptr<Recording> open_recording(const std::filesystem::path& path, const StreamChoice& choice = {});
+
+/// For load_rig(): opens the recording when its size is asked for.
+StatedSize stated_size(const std::filesystem::path& path, const StreamChoice& choice = {});
 
 }  // namespace idol

@@ -36,6 +36,7 @@ double VectorStats::scatter() const {
 
 void RecordingSummary::add(const Packet& packet) {
   events.add(packet.events);
+  clocks.add(packet);
   for (const Event& event : packet.events) rate.add(event.t);
   for (const ImuSample& sample : packet.imu) {
     if (imu.count > 0) ++imu_periods_us[(sample.t - imu.last + 500) / 1000];

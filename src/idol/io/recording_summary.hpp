@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "idol/base/types.hpp"
+#include "idol/io/clock_check.hpp"
 #include "idol/io/event_monitor.hpp"
 
 namespace idol {
@@ -50,6 +51,7 @@ struct RecordingSummary {
   VectorStats gyro;                                     ///< [rad/s]
   VectorStats accel;                                    ///< [m/s^2]
   double accel_norm_sum = 0;
+  ClockCheck clocks;
 
   /// Median distance of two IMU samples [s]; nothing for fewer than two.
   [[nodiscard]] std::optional<double> imu_period_s() const;

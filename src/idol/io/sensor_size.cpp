@@ -8,7 +8,7 @@
 
 namespace idol {
 
-void SensorSize::add(std::span<const Event> events) {
+void SizeSeen::add(std::span<const Event> events) {
   for (const Event& event : events) {
     ++x_[event.x];
     ++y_[event.y];
@@ -16,7 +16,7 @@ void SensorSize::add(std::span<const Event> events) {
   count_ += std::ssize(events);
 }
 
-int SensorSize::side(const Counts& counts) const {
+int SizeSeen::side(const Counts& counts) const {
   const std::int64_t few = std::min(std::max<std::int64_t>(2, count_ / 1000), count_ / 10);
   int bulk = static_cast<int>(counts.size()) - 1;  // the largest but for the few
   for (std::int64_t beyond = 0; bulk > 0 && beyond + counts[static_cast<std::size_t>(bulk)] <= few; --bulk)
@@ -26,7 +26,7 @@ int SensorSize::side(const Counts& counts) const {
   return largest + 1;
 }
 
-SensorSize::Size SensorSize::size(const std::string& recording) const {
+SizeSeen::Size SizeSeen::size(const std::string& recording) const {
   constexpr int kLargest = 4096;
   const Size size{side(x_), side(y_)};
   if (size.width > kLargest || size.height > kLargest)

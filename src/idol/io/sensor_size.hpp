@@ -10,7 +10,7 @@
 
 namespace idol {
 
-class SensorSize {
+class SizeSeen {
  public:
   struct Size {
     int width = 0, height = 0;

@@ -24,6 +24,7 @@ class TextRecording : public Recording {
   std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) override;
   std::optional<Trajectory> groundtruth() override;
   [[nodiscard]] bool truth_of_imu() const override;
+  std::unique_ptr<FrameSource> frames() override { return open_listed_images(folder_); }
 
  private:
   /// The stream's file in the folder. Throws DataError if there is none.

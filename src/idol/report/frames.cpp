@@ -67,46 +67,23 @@ std::optional<Grey> read_grey_png(const fs::path& path, int width, int height) {
   return read ? std::optional(std::move(pixels)) : std::nullopt;
 }
 
-std::vector<FrameFile> frames_of_recording(const fs::path& sequence) {
-  std::vector<FrameFile> frames;
-  if (!fs::is_regular_file(sequence / "images.txt")) return frames;
-  LineReader lines(sequence / "images.txt");
-  std::vector<std::string_view> cells(2);
-  for (std::string_view line; lines.next(line);) {
-    if (is_blank_or_comment(line) || split_columns(line, cells) != 2) continue;
-    const auto t = parse_stamp(cells[0]);
-    const fs::path name(cells[1]);
-    // Within the recording's folder only.
-    if (t && name.is_relative() && name.lexically_normal().string().substr(0, 2) != "..")
-      frames.push_back({*t, sequence / name});
-  }
-  std::stable_sort(frames.begin(), frames.end(),
-                   [](const FrameFile& a, const FrameFile& b) { return a.t < b.t; });
-  return frames;
-}
-
-std::size_t write_frames(const std::vector<FrameFile>& frames, const Camera& camera, double offset_s,
-                         Time from, Time to, std::size_t most, const fs::path& dir) {
+std::size_t write_frames(FrameSource& frames, const Camera& camera, double offset_s, Time from, Time to,
+                         std::size_t most, const fs::path& dir) {
   std::error_code error;
   fs::remove_all(dir, error);
-  std::vector<FrameFile> inside;
-  for (FrameFile frame : frames) {
-    frame.t += from_seconds(offset_s);
-    if (frame.t >= from && frame.t <= to) inside.push_back(std::move(frame));
-  }
-  if (inside.empty()) return 0;
-  fs::create_directories(dir, error);
-  if (error) throw DataError(fmt::format("{}: cannot be created: {}", dir.string(), error.message()));
+  const Time apart = (to - from) / static_cast<Time>(most) + 1;
   const std::vector<Vec2> at = raw_positions(camera);
-  const std::size_t wanted = std::min(most, inside.size());
   std::size_t written = 0;
-  for (std::size_t k = 0; k < wanted; ++k) {
-    const FrameFile& frame = inside[k * inside.size() / wanted];
-    const auto raw = read_grey_png(frame.path, camera.width, camera.height);
-    if (!raw) continue;
-    write_grey(dir / (format_stamp(frame.t) + ".png"), sampled(*raw, at, camera.width, camera.height),
+  Time next = from;
+  for (Frame frame; frames.next(frame);) {
+    const Time t = frame.t + from_seconds(offset_s);
+    if (t < next || t > to || frame.width != camera.width || frame.height != camera.height) continue;
+    if (written == 0) fs::create_directories(dir, error);
+    if (error) throw DataError(fmt::format("{}: cannot be created: {}", dir.string(), error.message()));
+    write_grey(dir / (format_stamp(t) + ".png"), sampled(frame.grey, at, camera.width, camera.height),
                camera.width, camera.height);
     ++written;
+    next = std::max(next + apart, t - apart / 2);
   }
   return written;
 }

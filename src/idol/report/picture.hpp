@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "idol/base/camera.hpp"
 #include "idol/base/types.hpp"
 
 namespace idol {

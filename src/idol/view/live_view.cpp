@@ -10,6 +10,7 @@
 #include "idol/report/event_log.hpp"
 #include "idol/report/page_json.hpp"
 #include "idol/report/report.hpp"
+#include "idol/version.hpp"
 
 namespace idol {
 namespace {
@@ -91,7 +92,7 @@ std::string LiveView::hello() const {
   return message("hello", {{"name", name_},
                            {"camera", camera_json(rig_.camera)},
                            {"palette", palette_json()},
-                           {"version", IDOL_VERSION}});
+                           {"version", kVersion}});
 }
 
 void LiveView::feed(const PageServer::Send& send) {

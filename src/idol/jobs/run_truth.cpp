@@ -1,4 +1,4 @@
-#include "run_truth.hpp"
+#include "idol/jobs/run_truth.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 
-namespace idol::cli {
+namespace idol {
 namespace {
 
 Trajectory part_of(const Trajectory& truth, Time from, Time to) {
@@ -67,4 +67,4 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
   return full_figures(*smoothed);
 }
 
-}  // namespace idol::cli
+}  // namespace idol

@@ -1,4 +1,4 @@
-#include "run_recorder.hpp"
+#include "idol/jobs/run_recorder.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -10,8 +10,9 @@
 
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
+#include "idol/version.hpp"
 
-namespace idol::cli {
+namespace idol {
 namespace {
 
 constexpr std::size_t kMaxSnapshots = 12;
@@ -89,6 +90,7 @@ void RunRecorder::add(const Estimate& e, const Sight& sight) {
     const std::lock_guard lock(rows_mutex_);
     rows_.push_back(row);
   }
+  if (dir_.empty()) return;
   event_log_.add(sight.t, row.events, sight.events);
   if ((rows_.size() - 1) % snapshot_every_ == 0) take_snapshot(e, sight);
 }
@@ -149,7 +151,8 @@ void RunRecorder::write_results(const Odometry& odometry) const {
   event_log_.write(dir_ / "events_shown.bin");
 }
 
-void RunRecorder::write_trajectories(const Odometry& odometry) const {
+RunRecorder::Trajectories RunRecorder::trajectories(const Odometry& odometry) const {
+  if (!odometry.started()) return {};
   const Backend& smoother = odometry.smoother();
   std::vector<NavState> smoothed = smoother.states();
   if (rate_hz_ > 0) {
@@ -157,12 +160,20 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
     for (Time t : ticks(smoother.states().front().t - 1, smoother.latest().t, rate_hz_))
       smoothed.push_back(smoother.state_at(t));
   }
-  write_trajectory(dir_ / "trajectory_imu.txt", poses(smoothed, Pose()));
-  write_trajectory(dir_ / "trajectory_camera.txt", poses(smoothed, smoother.projection().T_i_c));
-  write_trajectory(dir_ / "trajectory_imu_causal.txt", poses(causal_, Pose()));
-  Trajectory camera = poses(causal_, Pose());
-  for (std::size_t k = 0; k < camera.size(); ++k) camera[k].T = camera[k].T * causal_mounting_[k];
-  write_trajectory(dir_ / "trajectory_camera_causal.txt", camera);
+  Trajectories all{poses(smoothed, Pose()), poses(smoothed, smoother.projection().T_i_c),
+                   poses(causal_, Pose()), poses(causal_, Pose())};
+  for (std::size_t k = 0; k < causal_.size(); ++k)
+    all.camera_causal[k].T = all.camera_causal[k].T * causal_mounting_[k];
+  return all;
+}
+
+void RunRecorder::write_trajectories(const Odometry& odometry) const {
+  const Backend& smoother = odometry.smoother();
+  const Trajectories all = trajectories(odometry);
+  write_trajectory(dir_ / "trajectory_imu.txt", all.imu);
+  write_trajectory(dir_ / "trajectory_camera.txt", all.camera);
+  write_trajectory(dir_ / "trajectory_imu_causal.txt", all.imu_causal);
+  write_trajectory(dir_ / "trajectory_camera_causal.txt", all.camera_causal);
   write_states(dir_ / "states.csv", smoother.states());
   write_states(dir_ / "states_causal.csv", causal_);
   Rig refined = rig_;
@@ -189,8 +200,9 @@ void RunRecorder::write_windows() const {
                     n.in_segments, n.hot, n.unsupported, n.thinned, r.segments, r.lines_seen, r.speed_px_s);
     text += fmt::format(",{},{},{},{:.6g},{:.4f},{:.4f}", r.stats.lines, r.stats.residuals,
                         r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s);
-    text += fmt::format(",{:.6f},{:.6f},{:.6f},{},{},{:d}", r.segment_s, r.integrate_s, r.solve_s,
-                        replay_ ? fmt::format("{:.6f}", r.latency_s) : "nan", r.stats.restarts, r.stats.settled);
+    text +=
+        fmt::format(",{:.6f},{:.6f},{:.6f},{},{},{:d}", r.segment_s, r.integrate_s, r.solve_s,
+                    replay_ ? fmt::format("{:.6f}", r.latency_s) : "nan", r.stats.restarts, r.stats.settled);
     for (double sigma : r.sigma) text += fmt::format(",{:.4g}", sigma);
     text += '\n';
   }
@@ -211,7 +223,7 @@ void RunRecorder::write_pictures() const {
   }
 }
 
-void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) const {
+std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& summary) const {
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
   Row total;
   std::int64_t iterations = 0, peak_residuals = 0;
@@ -224,7 +236,7 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
     peak_residuals = std::max<std::int64_t>(peak_residuals, r.stats.residuals);
   }
   nlohmann::ordered_json stats;
-  stats["version"] = IDOL_VERSION;
+  stats["version"] = kVersion;
   stats["sequence"] = summary.sequence;
   stats["preset"] = summary.preset;
   stats["status"] = summary.status;
@@ -258,7 +270,7 @@ void RunRecorder::write_stats(const Odometry& odometry, const Summary& summary) 
   stats["warnings"] = nlohmann::ordered_json::object();
   for (const auto& [kind, entry] : summary.diagnostics.entries())
     stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};
-  write_text_file(dir_ / "stats.json", stats.dump(2) + "\n");
+  return stats.dump(2) + "\n";
 }
 
-}  // namespace idol::cli
+}  // namespace idol

@@ -13,14 +13,15 @@
 #include "idol/report/picture.hpp"
 #include "idol/view/sight.hpp"
 
-namespace idol::cli {
+namespace idol {
 
 class RunRecorder {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `rate_hz` 0: one pose an estimate; else both trajectories are sampled at this rate. The causal one
-  /// begins when the estimator has settled, 1.5 s after the first window at the latest.
+  /// `dir` empty: nothing is to be written. `rate_hz` 0: one pose an estimate; else both trajectories are
+  /// sampled at this rate. The causal one begins when the estimator has settled, 1.5 s after the first window
+  /// at the latest.
   RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz);
 
   /// In any thread, one call at a time.
@@ -44,8 +45,15 @@ class RunRecorder {
   /// Trajectories, states, lines, windows, pictures and shown events, if there is an estimate. Throws
   /// DataError when the disk refuses.
   void write_results(const Odometry& odometry) const;
-  /// stats.json. Throws DataError when the disk refuses.
-  void write_stats(const Odometry& odometry, const Summary& summary) const;
+  /// The text of stats.json.
+  [[nodiscard]] std::string stats_json(const Odometry& odometry, const Summary& summary) const;
+
+  struct Trajectories {
+    Trajectory imu, camera;                ///< best estimate at the end
+    Trajectory imu_causal, camera_causal;  ///< as first published
+  };
+  /// Empty without an estimate.
+  [[nodiscard]] Trajectories trajectories(const Odometry& odometry) const;
 
   [[nodiscard]] std::size_t windows() const { return rows_.size(); }
   /// Length of what has been estimated so far [s].
@@ -106,4 +114,4 @@ class RunRecorder {
   Clock::time_point begin_ = Clock::now();
 };
 
-}  // namespace idol::cli
+}  // namespace idol

@@ -1,0 +1,33 @@
+# Each header that users begin at compiles by itself with nothing but Eigen to be found; neither they nor what they
+# include, which is all that is installed, bring in what idol is built on. (That the others stand alone is seen by the
+# build, where each source includes its own header first.)
+separate_arguments(DOORS)
+set(foreign "ceres|glog|gflags|yaml-cpp|fmt|nlohmann|hdf5|CLI|zstd|lz4|blosc|liblzf|png|bzlib|zlib")
+set(seen)
+foreach(door IN LISTS DOORS)
+  set(used ${INCLUDE}/../used)
+  execute_process(COMMAND ${COMPILER} -std=c++20 -fsyntax-only -Wall -Wextra -Werror -I${INCLUDE} -isystem ${EIGEN}
+    -MD -MF ${used} -include ${INCLUDE}/${door} -x c++ /dev/null ERROR_VARIABLE said RESULT_VARIABLE status)
+  if(NOT status EQUAL 0)
+    message(FATAL_ERROR "${door} does not stand alone:\n${said}")
+  endif()
+  # /usr/include can always be found, so what was found there is looked at.
+  file(READ ${used} files)
+  if(files MATCHES "/usr/include/(${foreign})[^ ]*")
+    message(FATAL_ERROR "${door} brings in ${CMAKE_MATCH_0}")
+  endif()
+  string(REGEX MATCHALL "${INCLUDE}/idol/[a-z0-9_/]+\\.hpp" files "${files}")
+  list(APPEND seen ${files})
+endforeach()
+
+file(GLOB_RECURSE headers ${INCLUDE}/idol/*.hpp)
+list(REMOVE_ITEM headers ${seen})
+if(headers OR NOT seen)
+  message(FATAL_ERROR "installed, but not included by any of those: ${headers}")
+endif()
+foreach(header IN LISTS seen)
+  file(STRINGS ${header} named REGEX "ceres")
+  if(named)
+    message(FATAL_ERROR "${header}: ${named}")
+  endif()
+endforeach()

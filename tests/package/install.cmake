@@ -1,0 +1,25 @@
+# Installs into an empty prefix; the program runs from there and knows its ready rigs.
+include(${CMAKE_CURRENT_LIST_DIR}/run.cmake)
+file(REMOVE_RECURSE ${PREFIX})
+run(ignored ${CMAKE_COMMAND} --install ${BUILD_DIR} --prefix ${PREFIX})
+foreach(file bin/idol share/idol/rig_davis240c.yaml share/idol/default.yaml share/man/man1/idol.1
+    share/bash-completion/completions/idol share/zsh/vendor-completions/_idol include/idol/odometry/odometry.hpp
+    include/idol/version.hpp)
+  if(NOT EXISTS ${PREFIX}/${file})
+    message(FATAL_ERROR "${file} is not installed")
+  endif()
+endforeach()
+run(said ${PREFIX}/bin/idol --version)
+if(NOT said STREQUAL "idol ${VERSION}\n")
+  message(FATAL_ERROR "idol --version says ${said}, CMake ${VERSION}")
+endif()
+# A ready rig by its name, and the names when there is none.
+run(ignored ${PREFIX}/bin/idol run ${DEMO} --rig davis240c --to 1.5 --out ${PREFIX}/out)
+file(READ ${PREFIX}/out/rig.yaml rig)
+if(NOT rig MATCHES "timeshift_cam_imu: 0.0024")
+  message(FATAL_ERROR "not the rig davis240c: ${rig}")
+endif()
+execute_process(COMMAND ${PREFIX}/bin/idol info ${DEMO} --rig davis999 ERROR_VARIABLE said RESULT_VARIABLE status)
+if(NOT status EQUAL 1 OR NOT said MATCHES "davis999: .*davis240c, davis346, dvxplorer, evk4")
+  message(FATAL_ERROR "a wrong name ended with ${status}: ${said}")
+endif()
