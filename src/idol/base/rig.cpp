@@ -199,7 +199,8 @@ void assume_rpg_rig(Sources& sources, const StatedSize& stated, Diagnostics* dia
 std::string advice_for(const StatedSize& stated) {
   const std::pair<int, int> size = stated ? stated() : std::pair(0, 0);
   for (const ReadyRig& ready : ready_rigs())
-    if (const CalibrationFile rig = read_ready_rig(ready); size == std::pair(rig.width, rig.height))
+    if (const CalibrationFile rig = read_ready_rig(ready);
+        rig.approximate && size == std::pair(rig.width, rig.height))
       return fmt::format("; to begin with, --rig {} is an approximate one for its {} x {} pixels", ready.name,
                          size.first, size.second);
   return "";
