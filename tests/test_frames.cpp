@@ -40,7 +40,7 @@ TEST(Frames, AChoiceOfThemGoesToTheRun) {
   const auto found = find_frames(out);
   ASSERT_EQ(found.size(), 10U);
   EXPECT_EQ(found.front().t, second + half) << "on the IMU's clock";
-  EXPECT_EQ(written(frame_camera(), 0, from_seconds(1.45), 3 * second, 2), 2U);
+  EXPECT_EQ(written(frame_camera(), 0, from_seconds(1.45), from_seconds(1.95), 2), 2U);
   EXPECT_EQ(find_frames(out).size(), 2U) << "those of before are gone";
   EXPECT_EQ(written(frame_camera(), 0, 9 * second, 10 * second, 2), 0U);
   EXPECT_TRUE(find_frames(out).empty());
@@ -71,7 +71,7 @@ TEST(Frames, AreUndistortedAsEventsAre) {
   }
   ASSERT_GT(sum, 0);
   EXPECT_LT((centre / sum - camera.undistort({4, 4})).norm(), 0.3);
-  EXPECT_GT((camera.undistort({4, 4}) - Vec2(4, 4)).norm(), 0.8);
+  EXPECT_GT((camera.undistort({4, 4}) - Vec2(4, 4)).norm(), 0.6) << "the lens bends enough to tell";
   EXPECT_FALSE(read_grey_png(dir.write("no.png", "no picture"), 32, 24));
 }
 

@@ -64,7 +64,7 @@ TEST(Hints, TurningInPlace) {
   RunFolder run = run_moving([](double) { return Vec3(0, 0, 0); });
   for (std::size_t i = 0; i < run.states.size(); ++i)
     run.states[i].T_w_i.q = quat_exp({0, 0, i < 100 ? 0.05 * static_cast<double>(i) : 5.0});
-  EXPECT_EQ(hints_of(run), "Turning in place: new lines get no depth from 0.0 to 5.0 s.\n");
+  EXPECT_EQ(hints_of(run), "Turning in place: new lines get no depth from 0.1 to 5.0 s.\n");
 }
 
 TEST(Hints, SpansOfWindows) {
