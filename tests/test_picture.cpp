@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/io/frame.hpp"
 #include "idol/report/picture.hpp"
 #include "test_util.hpp"
 
