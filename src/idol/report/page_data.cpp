@@ -29,18 +29,6 @@ Json numbers(const std::vector<double>& values, double (*round)(double)) {
   return out;
 }
 
-std::optional<Time> page_zero(const RunFolder& run) {
-  std::vector<Time> first;
-  for (const Trajectory* trajectory : {&run.camera, &run.camera_causal, &run.imu})
-    if (!trajectory->empty()) first.push_back(trajectory->front().t);
-  if (!run.states.empty()) first.push_back(run.states.front().t);
-  if (first.empty() && !run.windows.t.empty()) first.push_back(run.windows.t.front());
-  if (first.empty())
-    for (const Line& line : run.lines) first.push_back(line.first);
-  if (first.empty()) return std::nullopt;
-  return *std::min_element(first.begin(), first.end());
-}
-
 Json trajectory_json(const Trajectory& trajectory, const std::string& name, Time zero,
                      std::vector<std::string>& notes) {
   const std::size_t step = (trajectory.size() + kMaxPoses - 1) / kMaxPoses;
@@ -209,7 +197,7 @@ Json alignment_json(const AlignedTruth& truth) {
 PageData page_data(const RunFolder& run) {
   PageData page;
   std::vector<std::string> notes = run.notes;
-  const std::optional<Time> first = page_zero(run);
+  const std::optional<Time> first = first_stamp(run);
   const Time zero = first.value_or(0);
   const AlignedTruth truth = align_truth(run.camera, run.groundtruth);
   const AlignedTruth causal_truth = align_truth(run.camera_causal, run.groundtruth);
