@@ -272,6 +272,8 @@ TEST(PageServer, ServesOnlyItsOwnPagesToItsOwnPage) {
   test::expect_says(answer_of(port, "/"), {"HTTP/1.1 200", "the page", "nosniff"});
   test::expect_says(answer_of(port, "/", "Origin: http://" + own + "\r\n"), {"200"});
   test::expect_says(answer_of(port, "/", {}, "localhost:" + std::to_string(port)), {"200"});
+  test::expect_says(answer_of(port, "/", "Accept-Encoding: gzip, br\r\n"),
+                    {"Content-Length: 8\r\n", "the page"});
   test::expect_says(answer_of(port, "/broken"), {"500", "the folder is gone"});
   for (const char* path :
        {"/../../etc/passwd", "/%2e%2e/etc/passwd", "//etc/passwd", "/runs/0/../../data", "/x"})

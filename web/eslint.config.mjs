@@ -17,6 +17,6 @@ export default tseslint.config(
   },
   {
     files: ["**/*.mjs"],
-    languageOptions: {globals: {process: "readonly", console: "readonly", setTimeout: "readonly", document: "readonly", window: "readonly", performance: "readonly", requestAnimationFrame: "readonly", Event: "readonly"}},
+    languageOptions: {globals: {process: "readonly", console: "readonly", setTimeout: "readonly", document: "readonly", window: "readonly", performance: "readonly", requestAnimationFrame: "readonly", Event: "readonly", MutationObserver: "readonly"}},
   },
 );

@@ -19,6 +19,11 @@ async function open(url, {width = 1280, height = 900, colorScheme = "light"} = {
   page.on("pageerror", error => problems.push(`${url}: ${error.message}`));
   page.on("console", message => { if (message.type() === "error") problems.push(`${url}: ${message.text()}`); });
   page.on("request", request => { if (!/^(file|data|blob):|^http:\/\/127\.0\.0\.1:/.test(request.url())) problems.push(`${url} asks for ${request.url()}`); });
+  await page.addInitScript(() => {
+    window.poses = [];  // of a live page, each time it has drawn
+    new MutationObserver(() => { window.poses.push(Number(document.body.dataset.poses)); })
+      .observe(document, {attributes: true, subtree: true, attributeFilter: ["data-poses"]});
+  });
   const begin = Date.now();
   await page.goto(url);
   await page.waitForSelector("body[data-ready=yes]");
@@ -105,27 +110,35 @@ function addressOf(stream) {
   });
 }
 
+const started = [];
+process.on("exit", () => { for (const program of started) program.kill("SIGKILL"); });
+
+function start(...args) {
+  const program = spawn(idol, args);
+  started.push(program);
+  return program;
+}
+
 const over = program => new Promise(done => { program.on("exit", done); });
 
 async function checkLive(dir) {
-  const run = spawn(idol, ["run", recording, "--out", dir, "--live", "--view"]), ended = over(run);
+  const run = start("run", recording, "--out", dir, "--live", "--view"), ended = over(run);
   const {page} = await open(await addressOf(run.stderr));
-  const seen = async name => Number(await page.evaluate(name => document.body.dataset[name] ?? "0", name));
-  await page.waitForFunction(() => Number(document.body.dataset["poses"] ?? "0") > 0);
-  const early = await seen("poses"), updates = await seen("updates");
-  await page.waitForTimeout(1500);
-  const late = await seen("poses"), rate = (await seen("updates") - updates) / 1.5;
-  assert.ok(early > 0 && late > early + 10, `the path does not grow: ${early}, then ${late} poses`);
+  // On a busy computer the page may open when the run is nearly over: what counts is that it saw the path grow.
+  await page.waitForSelector("body[data-live=over]", {timeout: 60000});
+  const {grew, updates} = await page.evaluate(() => ({grew: window.poses, updates: Number(document.body.dataset.updates)}));
+  assert.ok(grew.length >= 3, `the path does not grow: ${grew.join(", ")} poses`);
+  assert.deepEqual(grew, [...grew].sort((a, b) => a - b));
+  await settle(page);
   assert.ok((await pixels(page, "canvas.scene")).colours > 20 && (await pixels(page, "canvas.events")).colours > 5, "a view is blank");
   await page.screenshot({path: join(out, "live-1280.png")});
-  await page.waitForSelector("body[data-live=over]", {timeout: 60000});
   assert.equal(await ended, 0);
   await page.close();
-  console.log(`live: ${rate.toFixed(1)} updates a second, ${late} poses`);
+  console.log(`live: ${updates} updates, drawn ${grew.length} times, ${grew.at(-1)} poses`);
 }
 
 async function checkRuns(dirs) {
-  const view = spawn(idol, ["view", ...dirs]), ended = over(view);
+  const view = start("view", ...dirs), ended = over(view);
   const address = await addressOf(view.stdout);
   const {page} = await open(address);
   await settle(page);

@@ -61,7 +61,12 @@ struct PageServer::Server {
     const Resource& resource = found->second;
     if (resource.feed) return stream(resource, response, refuse);
     try {
-      response.set_content(resource.content(), resource.type);
+      // Not as plain content: that the library would compress, which takes seconds and gains nothing here.
+      auto text = std::make_shared<const std::string>(resource.content());
+      response.set_content_provider(text->size(), resource.type,
+                                    [text](std::size_t offset, std::size_t size, httplib::DataSink& sink) {
+                                      return sink.write(text->data() + offset, size);
+                                    });
     } catch (const std::exception& e) {
       refuse(500, e.what());
     }
