@@ -35,7 +35,7 @@ RunFolder run_moving(const std::function<Vec3(double)>& velocity) {
   return run;
 }
 
-Vec3 swinging(double t) { return {std::sin(3 * t), 0, 0}; }
+Vec3 swinging(double t) { return {std::sin(3 * t), 0.3, 0}; }
 
 void set_column(RunFolder& run, const char* column, double from, double to, double value) {
   for (std::size_t i = 0; i < run.windows.t.size(); ++i)
@@ -83,6 +83,14 @@ TEST(Hints, SpansOfWindows) {
                            "lost and began anew at 9.0 s", "20 % of the events come from hot pixels",
                            "left out many events to keep up from 2.0 to 3.0 s."})
     EXPECT_NE(hints.find(hint), std::string::npos) << hint << "\nnot in\n" << hints;
+}
+
+TEST(Hints, AtRestNoLinesAreMissed) {
+  RunFolder run = run_moving([](double t) { return t < 5 ? Vec3(0, 0, 0) : swinging(t); });
+  set_column(run, "lines_seen", 1, 3, 0);
+  EXPECT_EQ(hints_of(run), "");
+  set_column(run, "lines_seen", 6, 7, 0);
+  EXPECT_EQ(hints_of(run), "Few lines in sight: the IMU is nearly alone from 6.0 to 7.0 s.\n");
 }
 
 TEST(Hints, TooMuchTrust) {

@@ -117,7 +117,7 @@ void Hints::windows() {
   add("Few lines in sight: the IMU is nearly alone",
       where(
           "lines_seen",
-          [&](double seen, std::size_t i) { return seen < kFewLines && !(value("events", i) < 50); }, 0.3));
+          [&](double seen, std::size_t i) { return seen < kFewLines && moves_at(run_.windows.t[i]); }, 0.3));
   add("The front-end left out many events to keep up",
       where(
           "thinned", [&](double n, std::size_t i) { return n > kManyThinned * value("events", i); }, 0.3));
