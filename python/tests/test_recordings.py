@@ -37,7 +37,7 @@ def test_a_recording_is_told_while_it_is_read():
 
 
 def test_damage_comes_after_what_is_whole(tmp_path):
-    idol.convert(DEMO, tmp_path / "r.aedat4", to_s=0.5)
+    idol.convert(DEMO, tmp_path / "r.aedat4", to_s=2.5)
     whole = (tmp_path / "r.aedat4").read_bytes()
     damaged = bytearray(whole)
     damaged[len(whole) // 2:len(whole) // 2 + 64] = bytes(64)
