@@ -47,8 +47,6 @@ class Hdf5File {
   [[nodiscard]] bool has(const std::string& path) const;
   /// Throws DataError if there is no data set of numbers at `path`, or one that cannot be read.
   [[nodiscard]] Hdf5Column column(const std::string& path) const;
-  /// A number kept as an attribute of the file; `missing` if it has none of that name.
-  [[nodiscard]] std::int64_t attribute(const std::string& name, std::int64_t missing) const;
 
  private:
   std::string name_;
