@@ -10,6 +10,7 @@
 namespace idol {
 namespace {
 
+using test::error_of;
 using test::expect_says;
 using test::TempDir;
 
@@ -37,15 +38,6 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   const auto at = text.find(what);
   EXPECT_NE(at, std::string::npos) << what;
   return text.replace(at, what.size(), by);
-}
-
-std::string error_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const DataError& e) {
-    return e.what();
-  }
-  return "";
 }
 
 void expect_the_rig(const Rig& rig) {

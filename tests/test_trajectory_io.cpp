@@ -6,17 +6,9 @@
 namespace idol {
 namespace {
 
+using test::error_of;
 using test::expect_says;
 using test::TempDir;
-
-std::string error_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const DataError& e) {
-    return e.what();
-  }
-  return "";
-}
 
 TEST(TrajectoryIo, TrajectoryComesBack) {
   std::mt19937 rng(1);

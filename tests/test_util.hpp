@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "idol/base/diagnostics.hpp"
 #include "idol/base/lie.hpp"
 
 namespace idol::test {
@@ -45,6 +46,16 @@ inline Vec3 random_vec3(std::mt19937& rng, double sigma = 1.0) {
 /// Each part is somewhere in the text.
 inline void expect_says(const std::string& text, const std::vector<std::string>& parts) {
   for (const auto& part : parts) EXPECT_NE(text.find(part), std::string::npos) << part << "\nnot in: " << text;
+}
+
+/// What the DataError that the action throws says; empty if it throws none.
+inline std::string error_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const DataError& e) {
+    return e.what();
+  }
+  return "";
 }
 
 /// A folder that is removed with its contents at the end of the test.

@@ -113,7 +113,7 @@ bool FixedLag::lost() const {
 
 // With it come tilt and scale.
 bool FixedLag::knows_velocity() const {
-  constexpr double kSigma = 0.05;  // [m/s]
+  constexpr double kSigma = 0.02;  // [m/s]
   return covariance_ && covariance_->block<3, 3>(6, 6).diagonal().cwiseSqrt().maxCoeff() < kSigma;
 }
 

@@ -49,6 +49,7 @@ constexpr Topic kTopics[] = {
 #undef IDOL_ROS_RULE
 
 void put_bytes(Buffer& out, const void* data, std::size_t size) {
+  if (size == 0) return;  // an empty vector's data may be null
   const std::size_t at = out.size();
   out.resize(at + size);
   std::memcpy(out.data() + at, data, size);

@@ -16,9 +16,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kVelocityHalfSpan = 0.025;
 constexpr double kBandSigmas = 3;
 
-using Axes = std::array<const char*, 3>;
-constexpr Axes kXyz = {"x", "y", "z"};
-constexpr Axes kRollPitchYaw = {"roll", "pitch", "yaw"};
+using AxisNames = std::array<const char*, 3>;
+constexpr AxisNames kXyz = {"x", "y", "z"};
+constexpr AxisNames kRollPitchYaw = {"roll", "pitch", "yaw"};
 using Vectors = std::vector<Vec3>;
 using Seconds = std::vector<double>;
 
@@ -36,7 +36,7 @@ Vectors vectors_of(const std::vector<NavState>& states, const std::function<Vec3
 }
 
 /// Three series out of one vector a sample; `sigma` may be empty.
-void add_vectors(Panel& panel, const Axes& names, const std::string& style, const Seconds& t,
+void add_vectors(Panel& panel, const AxisNames& names, const std::string& style, const Seconds& t,
                  const Vectors& values, const Vectors& sigma = {}) {
   if (t.empty()) return;
   for (int axis = 0; axis < 3; ++axis) {
@@ -49,7 +49,7 @@ void add_vectors(Panel& panel, const Axes& names, const std::string& style, cons
 
 /// Standard deviations of three columns of windows.csv at the stamps of states, NaN where there is none;
 /// empty if the estimator has none at all.
-Vectors sigmas_at(const CsvColumns& windows, const std::vector<NavState>& states, const Axes& columns) {
+Vectors sigmas_at(const CsvColumns& windows, const std::vector<NavState>& states, const AxisNames& columns) {
   std::array<const std::vector<double>*, 3> found{};
   for (std::size_t k = 0; k < 3; ++k) found[k] = windows.find(columns[k]);
   if (std::count(found.begin(), found.end(), nullptr) > 0) return {};
@@ -143,7 +143,7 @@ struct Truth {
 
 /// One vector of the state: smoothed, causal with its band, truth.
 Panel vector_panel(const RunFolder& run, const std::string& title, const std::string& unit, double factor,
-                   const Axes& sigmas, const std::function<Vec3(const NavState&)>& part, Time zero) {
+                   const AxisNames& sigmas, const std::function<Vec3(const NavState&)>& part, Time zero) {
   Panel panel{"state", title, unit, {}};
   const auto scaled = [&](const NavState& s) -> Vec3 { return factor * part(s); };
   Vectors band = sigmas_at(run.windows, run.states_causal, sigmas);
@@ -229,7 +229,7 @@ std::vector<Panel> causal_error_panels(const RunFolder& run, Time zero) {
   }
   std::vector<Panel> panels;
   const auto add = [&](const char* title, const char* unit, const Vectors& errors, double factor,
-                       const Axes& columns) {
+                       const AxisNames& columns) {
     Vectors sigma = sigmas_at(run.windows, states, columns);
     for (Vec3& v : sigma) v *= factor;
     panels.push_back({"error", title, unit, {}});
