@@ -1,4 +1,4 @@
-// HDF5 files: groups, attributes and columns of numbers, in pieces.
+// HDF5 files: groups and columns of numbers, in pieces.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +29,7 @@ class Hdf5Column {
 
  private:
   friend class Hdf5File;
+  [[nodiscard]] bool chunks_are_whole(std::uint64_t begin, std::size_t count) const;
   void read_as(Hdf5Id type, std::uint64_t begin, std::size_t count, void* out) const;
 
   Hdf5Handle dataset_;
