@@ -99,7 +99,7 @@ def test_other_threads_go_on_meanwhile():
 
 def test_listener_is_called_and_its_exception_ends_the_run():
     seen = []
-    result = idol.run(DEMO, to_s=1.6, on_estimate=lambda e: seen.append((e.t, e.state.position, len(e.lines()))))
+    result = idol.run(DEMO, to_s=2.5, on_estimate=lambda e: seen.append((e.t, e.state.position, len(e.lines()))))
     assert [t for t, _, _ in seen] == result.states.t[1:].tolist()
     assert seen[-1][2] > 0
 

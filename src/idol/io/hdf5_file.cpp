@@ -29,9 +29,6 @@ void close(Hdf5Id id) {
     case H5I_DATATYPE:
       H5Tclose(id);
       break;
-    case H5I_ATTR:
-      H5Aclose(id);
-      break;
     case H5I_GROUP:
       H5Gclose(id);
       break;
@@ -142,15 +139,6 @@ Hdf5Column Hdf5File::column(const std::string& path) const {
     refuse("its rows have another width");
   column.width_ = size[1] * size[2];
   return column;
-}
-
-std::int64_t Hdf5File::attribute(const std::string& name, std::int64_t missing) const {
-  if (H5Aexists(*file_, name.c_str()) <= 0) return missing;
-  const auto attribute = own_hdf5(H5Aopen(*file_, name.c_str(), H5P_DEFAULT));
-  const auto space = attribute ? own_hdf5(H5Aget_space(*attribute)) : nullptr;
-  std::int64_t value = missing;
-  if (!space || H5Sget_simple_extent_npoints(*space) != 1) return missing;
-  return H5Aread(*attribute, H5T_NATIVE_INT64, &value) < 0 ? missing : value;
 }
 
 // The library trusts a damaged index: it copies a whole chunk from fewer bytes if these are said to be stored

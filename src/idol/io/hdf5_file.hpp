@@ -1,4 +1,4 @@
-// HDF5 files: groups, attributes and columns of numbers, in pieces.
+// HDF5 files: groups and columns of numbers, in pieces.
 #pragma once
 
 #include <cstdint>
@@ -48,8 +48,6 @@ class Hdf5File {
   [[nodiscard]] bool has(const std::string& path) const;
   /// Throws DataError if there is no data set of numbers at `path`, or one that cannot be read.
   [[nodiscard]] Hdf5Column column(const std::string& path) const;
-  /// A number kept as an attribute of the file; `missing` if it has none of that name.
-  [[nodiscard]] std::int64_t attribute(const std::string& name, std::int64_t missing) const;
 
  private:
   std::string name_;

@@ -24,7 +24,7 @@ const Hdf5Layout& layout_of(const Hdf5File& file) {
       "HDF5 (M3ED)", {"prophesee/left", "prophesee/right"}, 1000, false, "ovc/imu", "accel", "omega", "ts"};
   static const Hdf5Layout kDsec{"HDF5 (DSEC)", {"events"}, 1000, true};
   static const Hdf5Layout kTumVie{"HDF5 (TUM-VIE)", {"events"}, 1000};
-  if (file.attribute("idol_recording", 0) > 0) return kOwn;
+  if (file.has("idol_recording")) return kOwn;
   if (file.has("prophesee")) return kM3ed;
   if (file.has("t_offset")) return kDsec;
   if (file.has("events/t")) return kTumVie;
@@ -298,10 +298,11 @@ std::vector<StreamInfo> Hdf5Recording::streams() {
 }
 
 Recording::Resolution Hdf5Recording::resolution() {
-  std::vector<std::int64_t> size{file_->attribute("width", 0), file_->attribute("height", 0)};
-  const std::string path = has_events() ? event_group() + "/calib/resolution" : "";
+  std::vector<std::int64_t> size;
+  const std::string calibrated = has_events() ? event_group() + "/calib/resolution" : "";
   try {
-    if (!path.empty() && file_->has(path)) file_->column(path).read(0, 2, size);
+    if (file_->has("idol_recording")) file_->column("idol_recording").read(1, 2, size);
+    if (!calibrated.empty() && file_->has(calibrated)) file_->column(calibrated).read(0, 2, size);
   } catch (const DataError&) {
     return {};  // of no consequence
   }

@@ -43,14 +43,13 @@ Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, const WriterOptions& o
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   file_ = own_hdf5(H5Fcreate(name_.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   check(file_ != nullptr);
-  const auto scalar = own_hdf5(H5Screate(H5S_SCALAR));
-  const std::pair<const char*, std::int64_t> attributes[] = {
-      {"idol_recording", 1}, {"width", options.width}, {"height", options.height}};
-  for (const auto& [key, value] : attributes) {
-    const auto attribute =
-        own_hdf5(H5Acreate2(*file_, key, H5T_NATIVE_INT64, *scalar, H5P_DEFAULT, H5P_DEFAULT));
-    check(attribute && H5Awrite(*attribute, H5T_NATIVE_INT64, &value) >= 0);
-  }
+  // Not attributes: the library reads those of damaged files beyond its memory.
+  const std::array<std::int64_t, 3> about{1, options.width, options.height};
+  const hsize_t size = about.size();
+  const auto space = own_hdf5(H5Screate_simple(1, &size, nullptr));
+  const auto dataset = own_hdf5(
+      H5Dcreate2(*file_, "idol_recording", H5T_NATIVE_INT64, *space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+  check(dataset && H5Dwrite(*dataset, H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, about.data()) >= 0);
 }
 
 void Hdf5Writer::check(bool good) const {

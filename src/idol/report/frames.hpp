@@ -17,7 +17,7 @@ struct FrameFile {
   std::filesystem::path path;
 };
 
-/// Takes at most `most` of the frames between two stamps, evenly spread, to `dir`/<stamp>.png: grey, as the
+/// Takes at most `most` of the frames between two stamps, evenly spread, to `dir`/STAMP.png: grey, as the
 /// plain pinhole sees them. `offset_s` is added to the stamps. Anything in `dir` is removed first. Frames of
 /// another size than the camera are left out. Returns how many were written. Throws DataError when the frames
 /// are damaged or the disk refuses.

@@ -8,7 +8,7 @@
 namespace idol {
 
 struct PageData {
-  std::string json;    ///< safe inside a <script> element
+  std::string json;    ///< safe inside a page's script element
   std::string events;  ///< pack_events() of each window, one after the other, each filled up to three bytes
 };
 

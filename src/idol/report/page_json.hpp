@@ -33,7 +33,7 @@ Json palette_json();
 /// RFC 4648, with padding.
 std::string base64(std::string_view bytes);
 
-/// Without '<', so that it is safe inside a <script> element; what is no UTF-8 is replaced.
+/// Without '<', so that it is safe inside a script element; what is no UTF-8 is replaced.
 std::string safe_text(const Json& json);
 
 }  // namespace idol
