@@ -1,7 +1,7 @@
 # What the libraries link to. Read twice: when idol is built, and by idolConfig.cmake where idol is static and
 # whoever links it needs all of this too.
 
-set(IDOL_PACKAGES Threads "Eigen3 3.4" "Ceres 2.1" yaml-cpp fmt ZLIB PNG BZip2 PkgConfig)
+set(IDOL_PACKAGES Threads "Eigen3 3.4" "Ceres 2.1" LAPACK yaml-cpp fmt ZLIB PNG BZip2 PkgConfig)
 
 # idol_find_libraries(): those without CMake files of their own, as PkgConfig::IDOL_... and idol::lzf. The names
 # keep out of the way of other projects' pkg_check_modules.

@@ -21,7 +21,7 @@ set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "Event-camera and IMU odometry with line
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libidol-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libeigen3-dev (>= 3.4), libceres-dev (>= 2.1), libyaml-cpp-dev, libfmt-dev, \
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libeigen3-dev (>= 3.4), libceres-dev (>= 2.1), liblapack-dev, libyaml-cpp-dev, libfmt-dev, \
 libzstd-dev, liblz4-dev, libbz2-dev, libhdf5-dev, libblosc-dev, liblzf-dev, zlib1g-dev, libpng-dev, pkg-config")
 set(CPACK_COMPONENT_DEV_DESCRIPTION "Event-camera and IMU odometry with lines (C++ library)
  Headers, static libraries and CMake files: find_package(idol) gives

@@ -4,6 +4,7 @@
 
 #include "idol/backend/anchored_line.hpp"
 #include "idol/backend/chain_system.hpp"
+#include "idol/backend/dense.hpp"
 #include "idol/backend/line_moments.hpp"
 #include "test_util.hpp"
 
@@ -84,10 +85,26 @@ BinResidual evaluate(const Sight& s, const NavState& state, const AnchoredLine& 
                      s.projection.camera);
 }
 
+Eigen::Matrix<double, 2, kStateDim> d_state(const Sight& s, const BinResidual& r) {
+  Eigen::Matrix<double, 2, kStateDim> out;
+  out << r.d_camera.leftCols<6>() *
+             TimedCamera(s.state, later(s.motion, s.state.time_shift), s.linearised_at, s.projection)
+                 .by_state(),
+      r.d_camera.col(6);
+  return out;
+}
+
 TEST(AnchoredLine, JacobiansMatchDifferences) {
   const Sight s = some_sight();
   const BinResidual r = evaluate(s, s.state, s.line);
   ASSERT_TRUE(r.valid);
+  const LineBin bin{s.a, s.b, Vec2(0.3, -0.9), Vec2(0.2, 0.8)};
+  const auto alone =
+      bin_distances(bin, s.state.event_lag_px, s.line,
+                    TimedCamera(s.state, later(s.motion, s.state.time_shift), s.linearised_at, s.projection),
+                    s.projection.camera);
+  ASSERT_TRUE(alone);
+  EXPECT_LT((*alone - r.value).norm(), 1e-12);
   const auto by_state = numeric_jacobian(
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
         NavState moved = s.state;
@@ -101,7 +118,7 @@ TEST(AnchoredLine, JacobiansMatchDifferences) {
         return evaluate(s, moved, s.line).value;
       },
       kStateDim);
-  expect_jacobian(r.d_state, by_state, 1e-4);
+  expect_jacobian(d_state(s, r), by_state, 1e-4);
   const auto by_line = numeric_jacobian(
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
         AnchoredLine moved = s.line;
@@ -155,10 +172,10 @@ TEST(AnchoredLine, NothingHappensAtInfinity) {
   s.line.coordinates << 0, 0, 0, 0;
   const BinResidual r = evaluate(s, s.state, s.line);
   EXPECT_TRUE(r.valid);
-  EXPECT_TRUE(r.value.allFinite() && r.d_line.allFinite() && r.d_state.allFinite());
+  EXPECT_TRUE(r.value.allFinite() && r.d_line.allFinite() && r.d_camera.allFinite());
   EXPECT_FALSE(s.line.finite());
   // Only turning moves the image of a line at infinity.
-  EXPECT_LT(r.d_state.leftCols<3>().norm(), 1e-9);
+  EXPECT_LT(d_state(s, r).leftCols<3>().norm(), 1e-9);
 }
 
 // A positive system in chain form, and the same as one dense matrix (states first).
@@ -214,6 +231,35 @@ TEST(ChainSystem, SolvesLikeADenseSystem) {
   }
 }
 
+TEST(Dense, DoesWhatEigenDoes) {
+  std::srand(6);
+  const Eigen::MatrixXd W = Eigen::MatrixXd::Random(20, 40), B = Eigen::MatrixXd::Random(20, 7);
+  // Parts of larger matrices, too.
+  Eigen::MatrixXd whole = Eigen::MatrixXd::Random(30, 30), C = whole;
+  subtract_product(C.block(2, 3, 12, 7), W.middleCols(5, 12), B);
+  Eigen::MatrixXd expected = whole;
+  expected.block(2, 3, 12, 7) -= W.middleCols(5, 12).transpose() * B;
+  EXPECT_LT((C - expected).norm(), 1e-12);
+
+  C = expected = whole;
+  subtract_gram(C.bottomRightCorner(12, 12), W.middleCols(5, 12));
+  expected.bottomRightCorner(12, 12).triangularView<Eigen::Lower>() -=
+      W.middleCols(5, 12).transpose() * W.middleCols(5, 12);
+  EXPECT_LT((C - expected).norm(), 1e-12);
+
+  Eigen::MatrixXd A = W * W.transpose(), solved = B;
+  const Eigen::MatrixXd L = A.llt().matrixL();
+  ASSERT_TRUE(factor_lower(A));
+  EXPECT_LT((Eigen::MatrixXd(A.triangularView<Eigen::Lower>()) - L).norm(), 1e-10);
+  solve_lower(A, solved);
+  EXPECT_LT((L * solved - B).norm(), 1e-10);
+
+  Eigen::MatrixXd negative = -Eigen::MatrixXd::Identity(3, 3), none(0, 0);
+  EXPECT_FALSE(factor_lower(negative));
+  EXPECT_TRUE(factor_lower(none));
+  EXPECT_THROW(subtract_gram(C, W), std::invalid_argument);
+}
+
 TEST(ChainSystem, AnIndefiniteSystemGivesNoStep) {
   ChainSystem system(2, 4);
   EXPECT_TRUE(system.solve(0).states.empty());
@@ -232,9 +278,14 @@ TEST(ChainSystem, WhatIsEliminatedIsTheSchurComplement) {
   EXPECT_LT((kept - (H.bottomRightCorner(n, n) - off * D * off.transpose())).norm(), 1e-7);
   EXPECT_LT((kept_g - (g.tail(n) - off * D * g.head(kStateDim))).norm(), 1e-7);
   // Taking the lines out as well leaves the marginal of the second state.
-  eliminate_last(kept, kept_g, 8);
+  const Eigen::MatrixXd both = kept;
+  const Eigen::VectorXd both_g = kept_g;
+  const Eliminated lines = eliminate_last(kept, kept_g, 8);
   const Eigen::MatrixXd covariance = H.inverse();
   EXPECT_LT((kept.inverse() - covariance.block(kStateDim, kStateDim, kStateDim, kStateDim)).norm(), 1e-7);
+  // Both parts together are where the model is least.
+  const Eigen::VectorXd least = both.ldlt().solve(-both_g);
+  EXPECT_LT((lines.given(least.head<kStateDim>()) - least.tail(8)).norm(), 1e-8);
 }
 
 }  // namespace

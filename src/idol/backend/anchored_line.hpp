@@ -52,10 +52,17 @@ struct LineBin {
   int count = 0;                                            ///< events
 };
 
-/// Distances [px] of a bin's two points, carried on by the events' lag, from the line, with Jacobians.
+/// Distances [px] of a bin's two points, carried on by the events' lag, from the line; nullopt where the line
+/// has no image.
+std::optional<Vec2> bin_distances(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
+                                  const TimedCamera& at, const Camera& camera);
+
+/// The same with Jacobians.
 struct BinResidual {
   Vec2 value = Vec2::Zero();
-  Eigen::Matrix<double, 2, kStateDim> d_state;  ///< the last two: to the time shift and to the lag
+  /// To the camera's motion, TimedCamera::point(): by_state() of the camera makes it one to the state, but
+  /// for the event lag, whose column is the last.
+  Eigen::Matrix<double, 2, 7> d_camera;
   Eigen::Matrix<double, 2, 4> d_line;
   /// To a rotation of the camera in the IMU's frame on the right, T_i_c Exp(d) [1/rad], and to the log of the
   /// focal length.

@@ -3,15 +3,33 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 
+#include "idol/backend/dense.hpp"
+
 namespace idol {
 namespace {
 
+constexpr double kLift = 1e-15;
+
 // Keeps the Cholesky factor of a block with an unobserved direction from failing, far below any information.
 template <class Matrix>
-void lift(Matrix& H) {
-  constexpr double kShare = 1e-15;
-  H.diagonal().array() += kShare * (H.diagonal().cwiseAbs().maxCoeff() + 1);
+void lift(Matrix& H, double share = kLift) {
+  H.diagonal().array() += share * (H.diagonal().cwiseAbs().maxCoeff() + 1);
 }
+
+// Of a block that rounding may have left a little below zero in such a direction.
+bool factor_lifted(Eigen::MatrixXd& H) {
+  constexpr double kMost = 1e-6;
+  for (double share = kLift; share < kMost; share *= 100) {
+    Eigen::MatrixXd L = H;
+    lift(L, share);
+    if (!factor_lower(L)) continue;
+    H = std::move(L);
+    return true;
+  }
+  return false;
+}
+
+void fill_upper(Eigen::MatrixXd& H) { H.triangularView<Eigen::StrictlyUpper>() = H.transpose(); }
 
 }  // namespace
 
@@ -39,56 +57,63 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
   const std::size_t n = diagonal.size();
   const Eigen::Index m = line_gradient.size();
   const std::vector<Eigen::Index> width = widths();
-  // Forward: W_i = L_i^-1 [T(i, i+1), B_i], y_i = L_i^-1 g_i, subtracted from what follows.
+  // Forward: W_i = L_i^-1 [T(i, i+1), B_i], y_i = L_i^-1 g_i, subtracted from what follows. The rows of W to
+  // the lines stand below each other for several states, so that C changes by few large products.
+  constexpr std::size_t kTogether = 32;
   std::vector<StateMat> L(n), to_next(n);
-  std::vector<Eigen::MatrixXd> to_lines(n);
+  std::vector<Eigen::MatrixXd> to_lines((n + kTogether - 1) / kTogether);
   std::vector<StateVec> y(n);
+  const auto rows_to_lines = [&](std::size_t i) {
+    return to_lines[i / kTogether]
+        .middleRows<kStateDim>(static_cast<Eigen::Index>(i % kTogether) * kStateDim)
+        .leftCols(width[i]);
+  };
   StateMat D = diagonal[0];
-  Eigen::MatrixXd B = lines[0].leftCols(width[0]);
-  StateVec g = state_gradient[0];
   Eigen::MatrixXd C = line_block;
   Eigen::VectorXd gl = line_gradient;
   C.diagonal() += damping * line_block.diagonal();
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Index w = width[i];
+    Eigen::MatrixXd& W = to_lines[i / kTogether];
+    if (i % kTogether == 0) {
+      const std::size_t end = std::min(n, i + kTogether);
+      W = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(end - i) * kStateDim, width[end - 1]);
+    }
     D.diagonal() += damping * diagonal[i].diagonal();
     const Eigen::LLT<StateMat> factor(D);
     if (factor.info() != Eigen::Success) return {};
     L[i] = factor.matrixL();
     const auto lower = L[i].triangularView<Eigen::Lower>();
-    to_lines[i] = B;  // may have no columns: Eigen's products want at least one
-    y[i] = lower.solve(g);
-    if (w > 0) {
-      lower.solveInPlace(to_lines[i]);
-      C.topLeftCorner(w, w).selfadjointView<Eigen::Lower>().rankUpdate(to_lines[i].transpose(), -1);
-      gl.head(w).noalias() -= to_lines[i].transpose() * y[i];
+    auto B = rows_to_lines(i);
+    B = lines[i].leftCols(width[i]);
+    y[i] = state_gradient[i];
+    if (i > 0) {
+      subtract_product(B.leftCols(width[i - 1]), to_next[i - 1], rows_to_lines(i - 1));
+      y[i].noalias() -= to_next[i - 1].transpose() * y[i - 1];
     }
+    solve_lower(L[i], B);
+    lower.solveInPlace(y[i]);
+    gl.head(width[i]).noalias() -= B.transpose() * y[i];
+    if (i + 1 == n || (i + 1) % kTogether == 0) subtract_gram(C.topLeftCorner(W.cols(), W.cols()), W);
     if (i + 1 == n) break;
     to_next[i] = lower.solve(next[i]);
     D = diagonal[i + 1];
     D.noalias() -= to_next[i].transpose() * to_next[i];
-    B = lines[i + 1].leftCols(width[i + 1]);
-    if (w > 0) B.leftCols(w).noalias() -= to_next[i].transpose() * to_lines[i];
-    g = state_gradient[i + 1];
-    g.noalias() -= to_next[i].transpose() * y[i];
   }
-  Step step{std::vector<StateVec>(n), Eigen::VectorXd::Zero(m), StateMat::Identity()};
-  if (m > 0) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(C);  // reads the lower half
-    if (factor.info() != Eigen::Success) return {};
-    step.lines = factor.solve(-gl);
-    Eigen::MatrixXd W = Eigen::MatrixXd::Zero(m, kStateDim);
-    W.topRows(width[n - 1]) = to_lines[n - 1].transpose();
-    factor.matrixL().solveInPlace(W);
-    step.last_covariance += W.transpose() * W;
-  }
+  Step step{std::vector<StateVec>(n), -gl, StateMat::Identity()};
+  if (!factor_lower(C)) return {};
+  C.triangularView<Eigen::Lower>().solveInPlace(step.lines);
+  C.transpose().triangularView<Eigen::Upper>().solveInPlace(step.lines);
+  Eigen::MatrixXd W = Eigen::MatrixXd::Zero(m, kStateDim);
+  W.topRows(width[n - 1]) = rows_to_lines(n - 1).transpose();
+  solve_lower(C, W);
+  step.last_covariance += W.transpose() * W;
   // Block inverse: (L L')^-1 + what the lines' uncertainty adds.
   const StateMat from_last = L[n - 1].triangularView<Eigen::Lower>().solve(StateMat::Identity());
   step.last_covariance = (from_last.transpose() * step.last_covariance * from_last).eval();
   for (std::size_t i = n; i-- > 0;) {
     StateVec right = -y[i];
-    if (width[i] > 0) right -= to_lines[i] * step.lines.head(width[i]);
-    if (i + 1 < n) right -= to_next[i] * step.states[i + 1];
+    right.noalias() -= rows_to_lines(i) * step.lines.head(width[i]);
+    if (i + 1 < n) right.noalias() -= to_next[i] * step.states[i + 1];
     step.states[i] = L[i].transpose().triangularView<Eigen::Upper>().solve(right);
   }
   return step;
@@ -107,23 +132,34 @@ void ChainSystem::eliminate_first(Eigen::MatrixXd& H, Eigen::VectorXd& g) const 
   W << next[0], lines[0];
   factor.matrixL().solveInPlace(W);
   const StateVec y = factor.matrixL().solve(state_gradient[0]);
-  H.noalias() -= W.transpose() * W;
+  subtract_gram(H, W);
+  fill_upper(H);
   g.noalias() -= W.transpose() * y;
 }
 
-void eliminate_last(Eigen::MatrixXd& H, Eigen::VectorXd& g, Eigen::Index count) {
-  if (count == 0) return;
+Eliminated eliminate_last(Eigen::MatrixXd& H, Eigen::VectorXd& g, Eigen::Index count) {
   const Eigen::Index keep = g.size() - count;
-  Eigen::MatrixXd D = H.bottomRightCorner(count, count);
-  lift(D);
-  const Eigen::LLT<Eigen::MatrixXd> factor(D);
-  const Eigen::MatrixXd W = factor.matrixL().solve(H.bottomLeftCorner(count, keep));
-  const Eigen::VectorXd y = factor.matrixL().solve(g.tail(count));
+  if (count == 0) return {};
+  Eliminated out{H.bottomRightCorner(count, count), H.bottomLeftCorner(count, keep), g.tail(count)};
+  if (!factor_lifted(out.L)) {
+    H = H.topLeftCorner(keep, keep).eval();
+    g = g.head(keep).eval();
+    return {};
+  }
+  solve_lower(out.L, out.W);
+  out.L.triangularView<Eigen::Lower>().solveInPlace(out.y);
   Eigen::MatrixXd kept = H.topLeftCorner(keep, keep);
-  kept.noalias() -= W.transpose() * W;
-  const Eigen::VectorXd left = g.head(keep) - W.transpose() * y;
-  H = kept;
-  g = left;
+  subtract_gram(kept, out.W);
+  fill_upper(kept);
+  H = std::move(kept);
+  g = (g.head(keep) - out.W.transpose() * out.y).eval();
+  return out;
+}
+
+Eigen::VectorXd Eliminated::given(const Eigen::VectorXd& kept) const {
+  Eigen::VectorXd out = -y - W * kept;
+  L.transpose().triangularView<Eigen::Upper>().solveInPlace(out);
+  return out;
 }
 
 }  // namespace idol

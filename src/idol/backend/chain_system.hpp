@@ -40,8 +40,15 @@ struct ChainSystem {
   [[nodiscard]] std::vector<Eigen::Index> widths() const;
 };
 
+/// How eliminated variables follow those that are kept: d = -L^-T (y + W d_kept).
+struct Eliminated {
+  Eigen::MatrixXd L, W;
+  Eigen::VectorXd y;
+  [[nodiscard]] Eigen::VectorXd given(const Eigen::VectorXd& kept) const;
+};
+
 /// Schur complement of the trailing `count` variables of a quadratic model. Its null directions, if any, stay
-/// out.
-void eliminate_last(Eigen::MatrixXd& H, Eigen::VectorXd& g, Eigen::Index count);
+/// out. The return value is empty if there are none, or if they have no factor: then they count as known.
+Eliminated eliminate_last(Eigen::MatrixXd& H, Eigen::VectorXd& g, Eigen::Index count);
 
 }  // namespace idol

@@ -5,6 +5,12 @@
 #include <cmath>
 
 namespace idol {
+namespace {
+
+constexpr double kEnoughOnTheWay = 1e-2;  // the next window solves again
+constexpr double kEnoughAtLast = 1e-4;
+
+}  // namespace
 
 FixedLag::FixedLag(const Rig& rig, const BackendOptions& options)
     : Backend(rig, options.gravity),
@@ -89,8 +95,9 @@ SolveStats FixedLag::solve() {
   const std::vector<LineId> ids = active_lines();
   // While everything is in the lag a bad start can still be undone, which takes longer.
   const int iterations = first_ == 0 ? 2 * options_.max_iterations : options_.max_iterations;
-  SolveStats stats = optimise(ids, reduced_prior(ids), iterations);
-  update_resting_lines(ids);
+  const ReducedPrior reduced = reduced_prior(ids);
+  SolveStats stats = optimise(ids, reduced.prior, iterations, kEnoughOnTheWay);
+  update_resting_lines(reduced);
   cull();
   measure_extents();
   if (lost()) restart();
@@ -140,15 +147,18 @@ void FixedLag::restart() {
   drop_past();
 }
 
-// Levenberg-Marquardt, hardly damped: the start is a prediction away from the optimum.
-SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations) {
+// Levenberg-Marquardt, hardly damped: the start is a prediction away from the optimum. Ends with a step that
+// gains less than the share `enough` of the cost.
+SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations,
+                              double enough) {
   SolveStats stats;
   stats.lines = static_cast<int>(ids.size());
   for (LineId id : ids)
     for (const auto& seen : tracks_.at(id).seen) stats.residuals += 2 * static_cast<int>(seen.bins.size());
-  constexpr double kLeast = 1e-13, kMost = 1e3, kEnough = 1e-4;
+  constexpr double kLeast = 1e-13, kMost = 1e3;
   double damping = kLeast;
   ChainSystem system = linearise(ids, prior);
+  stats.cost = system.cost;
   for (; stats.iterations < max_iterations; ++stats.iterations) {
     const std::vector<NavState> states(states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end());
     const Vec4 calibration = calibration_;
@@ -159,23 +169,23 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
     if (!step.states.empty()) {
       if (damping <= kLeast) covariance_ = step.last_covariance;
       apply(step, ids);
-      ChainSystem moved = linearise(ids, prior);
-      gain = system.cost - moved.cost;
-      if (gain >= 0) system = std::move(moved);
+      stats.cost = cost(ids, prior);
+      gain = system.cost - stats.cost;
     }
     if (!(gain >= 0)) {  // back, and more carefully
       std::copy(states.begin(), states.end(), states_.begin() + static_cast<std::ptrdiff_t>(first_));
       calibration_ = calibration;
       move_cameras();
       for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line.coordinates = lines[k];
+      stats.cost = system.cost;
       damping = std::max(1e-6, 30 * damping);
       if (damping > kMost) break;
       continue;
     }
     damping = std::max(kLeast, damping / 10);
-    if (gain < kEnough * (1 + std::abs(system.cost))) break;
+    if (gain < enough * (1 + std::abs(stats.cost)) || stats.iterations + 1 == max_iterations) break;
+    system = linearise(ids, prior);
   }
-  stats.cost = system.cost;
   return stats;
 }
 
@@ -198,7 +208,7 @@ SolveStats FixedLag::finish() {
   for (int round = 0; round < kRounds; ++round) {
     const std::vector<LineId> ids = active_lines();
     const int before = stats.iterations;
-    stats = optimise(ids, prior_, kIterations);
+    stats = optimise(ids, prior_, kIterations, kEnoughAtLast);
     stats.iterations += before;
     cull();
   }
@@ -219,9 +229,9 @@ double FixedLag::rms_px(const Track& track, const Observation& seen) const {
   double sum = 0;
   int rows = 0;
   for (const auto& bin : seen.bins) {
-    const BinResidual r = residual(bin, track.line, seen.window);
-    if (!r.valid) continue;
-    sum += r.value.squaredNorm();
+    const auto d = distances(bin, track.line, seen.window);
+    if (!d) continue;
+    sum += d->squaredNorm();
     rows += 2;
   }
   return rows == 0 ? 1e6 : std::sqrt(sum / rows);

@@ -53,6 +53,23 @@ class FixedLag : public Backend {
     Eigen::MatrixXd H;
     Eigen::VectorXd g;
   };
+  struct ReducedPrior {
+    Prior prior;
+    std::vector<std::pair<LineId, Vec4>> resting;  // eliminated from it
+    Eliminated rest;
+  };
+  struct WindowRows {  // from one state to the next
+    ImuResidual imu;
+    Eigen::Matrix<double, 8, 1> walk, walk_weight;  // biases, time shift, lag
+    double rest_weight = 0;                         // of the first state's velocity
+    double cost = 0;
+  };
+  // Normal equations of the lines seen at one bin time, to the camera's motion (BinResidual::d_camera).
+  struct SightSystem {
+    Eigen::Matrix<double, 7, kStateDim> by_state = Eigen::Matrix<double, 7, kStateDim>::Zero();
+    Eigen::Matrix<double, 7, 7> H = Eigen::Matrix<double, 7, 7>::Zero();
+    Eigen::Matrix<double, 7, 1> g = Eigen::Matrix<double, 7, 1>::Zero();
+  };
   struct Inertial {  // of one window
     Preintegrated motion;
     Mat9 weight;                       // inverse covariance
@@ -72,7 +89,10 @@ class FixedLag : public Backend {
 
   void move_cameras();
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
-  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations);
+  [[nodiscard]] std::optional<Vec2> distances(const LineBin& bin, const AnchoredLine& line,
+                                              std::size_t window) const;
+  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations,
+                                    double enough);
   [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) const;
   // Of the k-th line in a prior.
@@ -83,12 +103,19 @@ class FixedLag : public Backend {
   [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
   using StateColumns = Eigen::Matrix<double, Eigen::Dynamic, kStateDim>;
   [[nodiscard]] StateColumns prior_view(const Prior& prior) const;
+  [[nodiscard]] Eigen::VectorXd prior_change(const Prior& prior, const StateColumns& view) const;
+  [[nodiscard]] double prior_cost(const Prior& prior) const;
   void add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const;
   void add_window(ChainSystem& system, std::size_t window, std::size_t slot) const;
-  void add_observation(ChainSystem& system, const Track& track, const Observation& seen, std::size_t slot,
-                       Eigen::Index column) const;
-  [[nodiscard]] Prior reduced_prior(const std::vector<LineId>& ids) const;
-  void update_resting_lines(const std::vector<LineId>& ids);
+  [[nodiscard]] WindowRows window_rows(std::size_t window) const;
+  [[nodiscard]] std::pair<double, double> robust(const LineBin& bin, const Vec2& distances) const;
+  void add_observation(ChainSystem& system, std::vector<SightSystem>& sights, const Track& track,
+                       const Observation& seen, std::size_t slot, Eigen::Index column) const;
+  [[nodiscard]] std::vector<SightSystem> sight_systems(std::size_t window) const;
+  static void add_sights(ChainSystem& system, const std::vector<SightSystem>& sights, std::size_t slot);
+  [[nodiscard]] double cost(const std::vector<LineId>& ids, const Prior& prior) const;
+  [[nodiscard]] ReducedPrior reduced_prior(const std::vector<LineId>& ids) const;
+  void update_resting_lines(const ReducedPrior& reduced);
   void apply(const ChainSystem::Step& step, const std::vector<LineId>& ids);
   void marginalise_oldest();
   void drop_past();

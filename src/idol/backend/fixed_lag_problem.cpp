@@ -85,20 +85,29 @@ FixedLag::StateColumns FixedLag::prior_view(const Prior& prior) const {
   return T;
 }
 
-void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const {
+// From where the prior was taken to the present, moves of the world seen as prior_view() sees them.
+Eigen::VectorXd FixedLag::prior_change(const Prior& prior, const StateColumns& view) const {
   const Eigen::Index n = prior.g.size();
   Eigen::VectorXd d(n);
-  d.head<kStateDim>() = difference(prior.state, states_[first_]);
+  d.head<kStateDim>().setZero();
   d.segment(kStateDim, calibration_dim_) = (calibration_ - prior.calibration).head(calibration_dim_);
   for (std::size_t k = 0; k < prior.lines.size(); ++k)
     d.segment<4>(prior_row(k)) = tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
+  return d + view * difference(prior.state, states_[first_]);
+}
+
+double FixedLag::prior_cost(const Prior& prior) const {
+  const Eigen::VectorXd d = prior_change(prior, prior_view(prior));
+  return d.dot(prior.g + 0.5 * (prior.H * d));
+}
+
+void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const {
   StateColumns T = prior_view(prior);
-  Eigen::VectorXd seen = T * d.head<kStateDim>();
-  seen.tail(n - kStateDim) += d.tail(n - kStateDim);
+  const Eigen::VectorXd d = prior_change(prior, T);
   T.middleCols<3>(3) = (T.middleCols<3>(3) * to_turn(prior.state, states_[first_])).eval();
-  const Eigen::VectorXd g = prior.g + prior.H * seen;
+  const Eigen::VectorXd g = prior.g + prior.H * d;
   const StateColumns HT = prior.H * T;
-  system.cost += 0.5 * seen.dot(prior.g + g);
+  system.cost += 0.5 * d.dot(prior.g + g);
 
   system.diagonal[0] += T.transpose() * HT;
   system.state_gradient[0] += T.transpose() * g;
@@ -107,7 +116,7 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
   for (Eigen::Index i = 0; i < calibration_dim_; ++i) columns.push_back(i);
   for (const auto& [id, at] : prior.lines)
     for (Eigen::Index i = 0; i < 4; ++i) columns.push_back(column_of(ids, id) + i);
-  const Eigen::Index rest = n - kStateDim;
+  const Eigen::Index rest = prior.g.size() - kStateDim;
   system.lines[0](Eigen::all, columns) += HT.bottomRows(rest).transpose();
   system.line_gradient(columns) += g.tail(rest);
   system.line_block(columns, columns) += prior.H.bottomRightCorner(rest, rest);
@@ -116,6 +125,12 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
   return bin_to_line(bin, states_[window].event_lag_px, line,
                      inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
+}
+
+std::optional<Vec2> FixedLag::distances(const LineBin& bin, const AnchoredLine& line,
+                                        std::size_t window) const {
+  return bin_distances(bin, states_[window].event_lag_px, line,
+                       inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
 }
 
 // After each change of the active states or of the calibration.
@@ -131,15 +146,31 @@ void FixedLag::move_cameras() {
   }
 }
 
-// IMU, bias walk and rest between the states at `slot` and `slot + 1`.
-void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t slot) const {
+FixedLag::WindowRows FixedLag::window_rows(std::size_t window) const {
   const NavState &from = states_[window], &to = states_[window + 1];
   const Inertial& inertial = inertial_[window];
-  const ImuResidual r =
-      imu_residual(from, to, inertial.motion, windows_[window].imu->bias(), projection_.gravity);
-  const Eigen::Matrix<double, 15, 9> from_w = r.d_from.transpose() * inertial.weight;
-  const Eigen::Matrix<double, 15, 9> to_w = r.d_to.transpose() * inertial.weight;
-  system.cost += 0.5 * r.value.dot(inertial.weight * r.value);
+  WindowRows out;
+  out.imu = imu_residual(from, to, inertial.motion, windows_[window].imu->bias(), projection_.gravity);
+  const double dt = inertial.motion.dt;
+  out.walk_weight << Vec3::Constant(1 / (noise_.gyro_walk * noise_.gyro_walk * dt)),
+      Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * dt)), 1 / (kShiftWalk * kShiftWalk * dt),
+      1 / (kLagWalk * kLagWalk * dt);
+  out.walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift,
+      to.event_lag_px - from.event_lag_px;
+  if (windows_[window].still) out.rest_weight = 1 / std::pow(options_.start_velocity_sigma, 2);
+  out.cost =
+      0.5 * (out.imu.value.dot(inertial.weight * out.imu.value) +
+             out.walk.dot(out.walk_weight.cwiseProduct(out.walk)) + out.rest_weight * from.v_w.squaredNorm());
+  return out;
+}
+
+// IMU, bias walk and rest between the states at `slot` and `slot + 1`.
+void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t slot) const {
+  const WindowRows rows = window_rows(window);
+  const ImuResidual& r = rows.imu;
+  const Eigen::Matrix<double, 15, 9> from_w = r.d_from.transpose() * inertial_[window].weight;
+  const Eigen::Matrix<double, 15, 9> to_w = r.d_to.transpose() * inertial_[window].weight;
+  system.cost += rows.cost;
   system.diagonal[slot].topLeftCorner<15, 15>().noalias() += from_w * r.d_from;
   system.next[slot].topLeftCorner<15, 15>().noalias() += from_w * r.d_to;
   system.diagonal[slot + 1].topLeftCorner<15, 15>().noalias() += to_w * r.d_to;
@@ -147,120 +178,144 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
   system.state_gradient[slot + 1].head<15>().noalias() += to_w * r.value;
 
   // Biases, time shift and lag hardly change.
-  Eigen::Matrix<double, 8, 1> weight;
-  weight << Vec3::Constant(1 / (noise_.gyro_walk * noise_.gyro_walk * inertial.motion.dt)),
-      Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * inertial.motion.dt)),
-      1 / (kShiftWalk * kShiftWalk * inertial.motion.dt), 1 / (kLagWalk * kLagWalk * inertial.motion.dt);
-  Eigen::Matrix<double, 8, 1> walk;
-  walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift,
-      to.event_lag_px - from.event_lag_px;
-  system.cost += 0.5 * walk.dot(weight.cwiseProduct(walk));
+  const auto& weight = rows.walk_weight;
   system.diagonal[slot].bottomRightCorner<8, 8>().diagonal() += weight;
   system.diagonal[slot + 1].bottomRightCorner<8, 8>().diagonal() += weight;
   system.next[slot].bottomRightCorner<8, 8>().diagonal() -= weight;
-  system.state_gradient[slot].tail<8>() -= weight.cwiseProduct(walk);
-  system.state_gradient[slot + 1].tail<8>() += weight.cwiseProduct(walk);
+  system.state_gradient[slot].tail<8>() -= weight.cwiseProduct(rows.walk);
+  system.state_gradient[slot + 1].tail<8>() += weight.cwiseProduct(rows.walk);
 
-  if (windows_[window].still) {
-    const double rest = 1 / std::pow(options_.start_velocity_sigma, 2);
-    system.cost += 0.5 * rest * from.v_w.squaredNorm();
-    system.diagonal[slot].block<3, 3>(6, 6).diagonal().array() += rest;
-    system.state_gradient[slot].segment<3>(6) += rest * from.v_w;
-  }
+  system.diagonal[slot].block<3, 3>(6, 6).diagonal().array() += rows.rest_weight;
+  system.state_gradient[slot].segment<3>(6) += rows.rest_weight * states_[window].v_w;
 }
 
 double FixedLag::sigma_px(const LineBin& bin) const {
   return options_.bin_sigma_px * std::sqrt(1 + 1.0 / std::max(1, bin.count));
 }
 
-// Cauchy's loss on both rows of a bin together.
-void FixedLag::add_observation(ChainSystem& system, const Track& track, const Observation& seen,
-                               std::size_t slot, Eigen::Index column) const {
+// Cauchy's loss on both rows of a bin together: cost, and the weight of the rows' squares.
+std::pair<double, double> FixedLag::robust(const LineBin& bin, const Vec2& distances) const {
   const double scale = options_.bin_cauchy_sigmas * options_.bin_cauchy_sigmas;
+  const double information = 1 / std::pow(sigma_px(bin), 2);
+  const double squared = distances.squaredNorm() * information;
+  return {0.5 * scale * std::log1p(squared / scale), information / (1 + squared / scale)};
+}
+
+void FixedLag::add_observation(ChainSystem& system, std::vector<SightSystem>& sights, const Track& track,
+                               const Observation& seen, std::size_t slot, Eigen::Index column) const {
+  auto to_lines = system.lines[slot].middleCols<4>(column);
   for (const LineBin& bin : seen.bins) {
     const BinResidual r = residual(bin, track.line, seen.window);
     if (!r.valid) continue;
-    const double information = 1 / std::pow(sigma_px(bin), 2);
-    const double squared = r.value.squaredNorm() * information;
-    const double weight = information / (1 + squared / scale);
-    system.cost += 0.5 * scale * std::log1p(squared / scale);
-    const Eigen::Matrix<double, kStateDim, 2> state_w = weight * r.d_state.transpose();
-    const Eigen::Matrix<double, 4, 2> line_w = weight * r.d_line.transpose();
-    system.diagonal[slot].noalias() += state_w * r.d_state;
-    system.lines[slot].middleCols<4>(column).noalias() += state_w * r.d_line;
-    system.line_block.block<4, 4>(column, column).noalias() += line_w * r.d_line;
-    system.state_gradient[slot].noalias() += state_w * r.value;
-    system.line_gradient.segment<4>(column).noalias() += line_w * r.value;
+    const auto [cost, weight] = robust(bin, r.value);
+    SightSystem& sight = sights[static_cast<std::size_t>(bin.slot)];
+    const Eigen::Matrix<double, 2, 7> camera_w = weight * r.d_camera;
+    const Eigen::Matrix<double, 2, 4> line_w = weight * r.d_line;
+    const Eigen::Matrix<double, 2, kStateDim> d_state = r.d_camera * sight.by_state;
+    system.cost += cost;
+    sight.H.noalias() += camera_w.transpose() * r.d_camera;
+    sight.g.noalias() += camera_w.transpose() * r.value;
+    to_lines.noalias() += d_state.transpose() * line_w;
+    system.line_block.block<4, 4>(column, column).noalias() += line_w.transpose() * r.d_line;
+    system.line_gradient.segment<4>(column).noalias() += line_w.transpose() * r.value;
     if (calibration_dim_ == 0) continue;
-    const Eigen::Matrix<double, 4, 2> calibration_w = weight * r.d_calibration.transpose();
-    system.lines[slot].leftCols<4>().noalias() += state_w * r.d_calibration;
-    system.line_block.topLeftCorner<4, 4>().noalias() += calibration_w * r.d_calibration;
-    const Eigen::Matrix4d both = calibration_w * r.d_line;
+    const Eigen::Matrix<double, 2, 4> calibration_w = weight * r.d_calibration;
+    system.lines[slot].leftCols<4>().noalias() += d_state.transpose() * calibration_w;
+    system.line_block.topLeftCorner<4, 4>().noalias() += calibration_w.transpose() * r.d_calibration;
+    const Eigen::Matrix4d both = calibration_w.transpose() * r.d_line;
     system.line_block.block<4, 4>(0, column) += both;
     system.line_block.block<4, 4>(column, 0) += both.transpose();
-    system.line_gradient.head<4>().noalias() += calibration_w * r.value;
+    system.line_gradient.head<4>().noalias() += calibration_w.transpose() * r.value;
+  }
+}
+
+// What lines say about the state of a window meets first in the cameras of its bins.
+std::vector<FixedLag::SightSystem> FixedLag::sight_systems(std::size_t window) const {
+  std::vector<SightSystem> out(inertial_[window].cameras.size());
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].by_state.topLeftCorner<6, 16>() = inertial_[window].cameras[k].by_state();
+    out[k].by_state(6, 16) = 1;
+  }
+  return out;
+}
+
+void FixedLag::add_sights(ChainSystem& system, const std::vector<SightSystem>& sights, std::size_t slot) {
+  for (const SightSystem& sight : sights) {
+    const Eigen::Matrix<double, 7, kStateDim> H = sight.H * sight.by_state;
+    system.diagonal[slot].noalias() += sight.by_state.transpose() * H;
+    system.state_gradient[slot].noalias() += sight.by_state.transpose() * sight.g;
   }
 }
 
 ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const Prior& prior) const {
   ChainSystem system(states_.size() - first_, calibration_dim_ + 4 * std::ssize(ids));
   add_prior(system, prior, ids);
-  for (std::size_t w = first_; w < windows_.size(); ++w) add_window(system, w, w - first_);
+  std::vector<std::vector<SightSystem>> sights;
+  for (std::size_t w = first_; w < windows_.size(); ++w) {
+    add_window(system, w, w - first_);
+    sights.push_back(sight_systems(w));
+  }
   for (LineId id : ids) {
     const Track& track = tracks_.at(id);
-    for (const auto& seen : track.seen)
-      if (!seen.rejected) add_observation(system, track, seen, seen.window - first_, column_of(ids, id));
+    const Eigen::Index column = column_of(ids, id);
+    for (const auto& seen : track.seen) {
+      const std::size_t slot = seen.window - first_;
+      if (!seen.rejected) add_observation(system, sights[slot], track, seen, slot, column);
+    }
   }
+  for (std::size_t slot = 0; slot < sights.size(); ++slot) add_sights(system, sights[slot], slot);
   return system;
 }
 
+double FixedLag::cost(const std::vector<LineId>& ids, const Prior& prior) const {
+  double sum = prior_cost(prior);
+  for (std::size_t w = first_; w < windows_.size(); ++w) sum += window_rows(w).cost;
+  for (LineId id : ids) {
+    const Track& track = tracks_.at(id);
+    for (const auto& seen : track.seen) {
+      if (seen.rejected) continue;
+      for (const LineBin& bin : seen.bins)
+        if (const auto d = distances(bin, track.line, seen.window)) sum += robust(bin, *d).first;
+    }
+  }
+  return sum;
+}
+
 // The prior over the oldest state and the lines in `ids`, the others eliminated.
-FixedLag::Prior FixedLag::reduced_prior(const std::vector<LineId>& ids) const {
-  Prior out;
-  out.state = prior_.state;
-  out.calibration = prior_.calibration;
+FixedLag::ReducedPrior FixedLag::reduced_prior(const std::vector<LineId>& ids) const {
+  ReducedPrior out;
+  Prior& kept = out.prior;
+  kept.state = prior_.state;
+  kept.calibration = prior_.calibration;
   std::vector<Eigen::Index> order, rest;
   for (Eigen::Index i = 0; i < kStateDim + calibration_dim_; ++i) order.push_back(i);
   for (std::size_t k = 0; k < prior_.lines.size(); ++k) {
     const bool keep = std::binary_search(ids.begin(), ids.end(), prior_.lines[k].first);
-    if (keep) out.lines.push_back(prior_.lines[k]);
+    (keep ? kept.lines : out.resting).push_back(prior_.lines[k]);
     for (Eigen::Index i = 0; i < 4; ++i) (keep ? order : rest).push_back(prior_row(k) + i);
   }
   order.insert(order.end(), rest.begin(), rest.end());
-  out.H = prior_.H(order, order);
-  out.g = prior_.g(order);
-  eliminate_last(out.H, out.g, std::ssize(rest));
+  kept.H = prior_.H(order, order);
+  kept.g = prior_.g(order);
+  out.rest = eliminate_last(kept.H, kept.g, std::ssize(rest));
   return out;
 }
 
-// Lines that only the prior knows follow the rest of it: d_r = -H_rr^-1 (g_r + H_ra d_a).
-void FixedLag::update_resting_lines(const std::vector<LineId>& ids) {
-  std::vector<Eigen::Index> known, rest;
-  std::vector<double> moved;
-  const StateVec d_state = difference(prior_.state, states_[first_]);
-  for (Eigen::Index i = 0; i < kStateDim + calibration_dim_; ++i) {
-    known.push_back(i);
-    moved.push_back(i < kStateDim ? d_state[i] : (calibration_ - prior_.calibration)[i - kStateDim]);
-  }
-  std::vector<std::size_t> resting;
-  for (std::size_t k = 0; k < prior_.lines.size(); ++k) {
-    const bool active = std::binary_search(ids.begin(), ids.end(), prior_.lines[k].first);
-    if (!active) resting.push_back(k);
-    for (Eigen::Index i = 0; i < 4; ++i) {
-      (active ? known : rest).push_back(prior_row(k) + i);
-      if (active)
-        moved.push_back((tracks_.at(prior_.lines[k].first).line.coordinates - prior_.lines[k].second)[i]);
-    }
-  }
-  if (resting.empty()) return;
-  const Eigen::Map<Eigen::VectorXd> d(moved.data(), std::ssize(moved));
-  const Eigen::MatrixXd H = prior_.H(rest, rest);
-  const Eigen::VectorXd g = prior_.g(rest) + prior_.H(rest, known) * d;
-  const Eigen::LDLT<Eigen::MatrixXd> factor(H);
-  const Eigen::VectorXd step = factor.solve(-g);
+// Lines that only the prior knows follow the rest of it.
+void FixedLag::update_resting_lines(const ReducedPrior& reduced) {
+  const Prior& prior = reduced.prior;
+  if (reduced.rest.y.size() == 0) return;
+  Eigen::VectorXd moved(prior.g.size());
+  moved << difference(prior.state, states_[first_]),
+      (calibration_ - prior.calibration).head(calibration_dim_),
+      Eigen::VectorXd::Zero(prior.g.size() - kStateDim - calibration_dim_);
+  for (std::size_t k = 0; k < prior.lines.size(); ++k)
+    moved.segment<4>(prior_row(k)) =
+        tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
+  const Eigen::VectorXd step = reduced.rest.given(moved);
   if (!step.allFinite()) return;
-  for (std::size_t k = 0; k < resting.size(); ++k) {
-    const auto& [id, at] = prior_.lines[resting[k]];
+  for (std::size_t k = 0; k < reduced.resting.size(); ++k) {
+    const auto& [id, at] = reduced.resting[k];
     tracks_.at(id).line.coordinates = at + step.segment<4>(4 * static_cast<Eigen::Index>(k));
   }
 }
@@ -287,12 +342,14 @@ void FixedLag::marginalise_oldest() {
   ChainSystem system(2, calibration_dim_ + 4 * std::ssize(ids));
   add_prior(system, prior_, ids);
   add_window(system, first_, 0);
+  std::vector<SightSystem> sights = sight_systems(first_);
   for (LineId id : ids) {
     const Track& track = tracks_.at(id);
     for (const auto& seen : track.seen)
       if (seen.window == first_ && !seen.rejected)
-        add_observation(system, track, seen, 0, column_of(ids, id));
+        add_observation(system, sights, track, seen, 0, column_of(ids, id));
   }
+  add_sights(system, sights, 0);
   system.eliminate_first(prior_.H, prior_.g);
   ++first_;
   prior_.state = states_[first_];
@@ -333,7 +390,7 @@ void FixedLag::forget() {
     if (!tracks_.at(id).dead && std::find(old.begin(), old.end(), id) == old.end()) kept.push_back(id);
   if (kept.size() == prior_.lines.size()) return;
   std::sort(kept.begin(), kept.end());
-  prior_ = reduced_prior(kept);
+  prior_ = reduced_prior(kept).prior;
 }
 
 }  // namespace idol

@@ -42,11 +42,28 @@ TimedCamera::TimedCamera(const NavState& state, const Preintegrated& motion, con
   R_i_0_ = dR.transpose();
   d_x_d_w_ = -R_c_w_ * origin_ - R_c_0_ * dp_ - R_c_i_ * lever_;
   turn_d_bg_ = right_jacobian(correction) * motion.d_R_d_bg;
-  p_d_bg_ = R_c_0_ * motion.d_p_d_bg;
-  p_d_ba_ = R_c_0_ * motion.d_p_d_ba;
+  dp_d_bg_ = motion.d_p_d_bg;
+  dp_d_ba_ = motion.d_p_d_ba;
   rate_ = motion.rate - dbg;
-  v_i_ = R_i_0_ * (R_0_w_ * (state.v_w + dt_ * projection.gravity) + motion.dv + motion.d_v_d_bg * dbg +
-                   motion.d_v_d_ba * dba);
+  v_0_ = R_0_w_ * (state.v_w + dt_ * projection.gravity) + motion.dv + motion.d_v_d_bg * dbg +
+         motion.d_v_d_ba * dba;
+}
+
+// x_c = R_c_0 (u - w dp) - w R_c_i lever with u the point from the IMU at the begin: u moves with p and v,
+// turns with theta, and what turns dR turns u - w dp.
+Eigen::Matrix<double, 6, 16> TimedCamera::by_state() const {
+  const Mat3 turn = R_i_0_.transpose() * turn_d_bg_;
+  const Vec3 rate = R_i_0_.transpose() * rate_;
+  Eigen::Matrix<double, 6, 16> out = Eigen::Matrix<double, 6, 16>::Zero();
+  out.block<3, 3>(0, 0) = -R_0_w_;
+  out.block<3, 3>(0, 6) = -dt_ * R_0_w_;
+  out.block<3, 3>(0, 9) = -hat(dp_) * turn - dp_d_bg_;
+  out.block<3, 3>(0, 12) = -dp_d_ba_;
+  out.block<3, 1>(0, 15) = -dp_.cross(rate) - v_0_;
+  out.block<3, 3>(3, 3).setIdentity();
+  out.block<3, 3>(3, 9) = turn;
+  out.block<3, 1>(3, 15) = rate;
+  return out;
 }
 
 PointInCamera TimedCamera::operator()(const HomogeneousPoint& point) const {
@@ -57,12 +74,12 @@ PointInCamera TimedCamera::operator()(const HomogeneousPoint& point) const {
   out.x = R_c_i_ * (x_i - w * lever_);
   out.d_x_d_point = R_c_w_;
   out.d_x_d_w = d_x_d_w_;
-  out.d_x_d_time = R_c_i_ * (x_i.cross(rate_) - w * v_i_);
+  out.d_x_d_time = R_c_i_ * (x_i.cross(rate_) - w * (R_i_0_ * v_0_));
   out.d_x_d_state.block<3, 3>(0, 0) = -w * R_c_w_;
   out.d_x_d_state.block<3, 3>(0, 3) = R_c_0_ * hat(u);
   out.d_x_d_state.block<3, 3>(0, 6) = -w * dt_ * R_c_w_;
-  out.d_x_d_state.block<3, 3>(0, 9) = R_c_i_ * hat(x_i) * turn_d_bg_ - w * p_d_bg_;
-  out.d_x_d_state.block<3, 3>(0, 12) = -w * p_d_ba_;
+  out.d_x_d_state.block<3, 3>(0, 9) = R_c_i_ * hat(x_i) * turn_d_bg_ - w * R_c_0_ * dp_d_bg_;
+  out.d_x_d_state.block<3, 3>(0, 12) = -w * R_c_0_ * dp_d_ba_;
   return out;
 }
 
@@ -71,7 +88,7 @@ std::optional<ImageLine> ImageLine::through(const Vec3& a, const Vec3& b, const 
   line.a_ = a;
   line.b_ = b;
   line.n_ = a.cross(b);
-  line.h_ = std::hypot(line.n_.x() / camera.fx, line.n_.y() / camera.fy);
+  line.h_ = Vec2(line.n_.x() / camera.fx, line.n_.y() / camera.fy).norm();
   if (!(line.h_ > 1e-9)) return std::nullopt;
   line.d_h_ = {line.n_.x() / (camera.fx * camera.fx * line.h_),
                line.n_.y() / (camera.fy * camera.fy * line.h_), 0};

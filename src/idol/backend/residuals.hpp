@@ -58,11 +58,26 @@ class TimedCamera {
               const Projection& projection);
   [[nodiscard]] PointInCamera operator()(const HomogeneousPoint& point) const;
 
+  /// Without the state's Jacobian, which many points at one time share: the derivative r of a residual to a
+  /// point's x reaches the state by [w r R_c_0, (r R_c_0) x seen_from_start(point)] by_state(). Summed over a
+  /// residual's points first, these are six numbers instead of 16.
+  [[nodiscard]] Vec3 point(const HomogeneousPoint& point) const {
+    return R_c_w_ * point.x + point.w * d_x_d_w_;
+  }
+  [[nodiscard]] Vec3 seen_from_start(const HomogeneousPoint& point) const {
+    return R_0_w_ * (point.x - point.w * origin_);
+  }
+  [[nodiscard]] const Mat3& R_c_0() const { return R_c_0_; }
+  [[nodiscard]] const Mat3& R_c_w() const { return R_c_w_; }
+  [[nodiscard]] const Vec3& d_x_d_w() const { return d_x_d_w_; }
+  /// To [p, theta, v, b_g, b_a, time].
+  [[nodiscard]] Eigen::Matrix<double, 6, 16> by_state() const;
+
  private:
   double dt_;
   Mat3 R_c_i_, R_c_0_, R_c_w_, R_i_0_, R_0_w_;  // 0: the IMU at the window's begin
-  Vec3 lever_, origin_, dp_, d_x_d_w_, rate_, v_i_;
-  Mat3 turn_d_bg_, p_d_bg_, p_d_ba_;
+  Vec3 lever_, origin_, dp_, d_x_d_w_, rate_, v_0_;
+  Mat3 turn_d_bg_, dp_d_bg_, dp_d_ba_;
 };
 
 /// Image of the line through two points of the camera frame, by the plane through them and the camera's
@@ -79,6 +94,10 @@ class ImageLine {
   };
   /// Of an undistorted pixel.
   [[nodiscard]] Distance distance(const Vec2& px) const;
+  [[nodiscard]] double signed_distance(const Vec2& px) const {
+    const Vec2 m = camera_.normalise(px);
+    return (n_.x() * m.x() + n_.y() * m.y() + n_.z()) / h_;
+  }
   /// Unit, to where distances grow.
   [[nodiscard]] Vec2 normal() const { return Vec2(n_.x() / camera_.fx, n_.y() / camera_.fy) / h_; }
 

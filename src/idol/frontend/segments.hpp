@@ -110,6 +110,9 @@ class Segmenter {
   /// turns at once. Empty: unknown.
   virtual SegmentedWindow process(const EventWindow& window, std::span<const CameraRate> rates) = 0;
   SegmentedWindow process(const EventWindow& window) { return process(window, {}); }
+  /// Does what can be done already of a window that is still open and comes to process() next, with more
+  /// events at its end and the same rates as far as they are given. Changes no result, only when it is ready.
+  virtual void prepare(const EventWindow& /*window*/, std::span<const CameraRate> /*rates*/) {}
   [[nodiscard]] virtual SegmenterCounts counts() const = 0;
 };
 

@@ -17,24 +17,39 @@ Vec3 rate_at(std::span<const CameraRate> rates, Time t) {
 
 }  // namespace
 
-void TrackSegmenter::label(const EventWindow& window, std::span<const CameraRate> rates,
-                           std::vector<LineId>& ids) {
+// Batches that later events could still join wait while the window is open.
+void TrackSegmenter::label(const EventWindow& window, std::span<const CameraRate> rates, bool open) {
   const auto& events = window.events;
-  ids.assign(events.size(), kNoLine);
-  const std::size_t kept = std::min(window.overlap, previous_ids_.size());
-  std::copy(previous_ids_.end() - static_cast<std::ptrdiff_t>(kept), previous_ids_.end(),
-            ids.begin() + static_cast<std::ptrdiff_t>(window.overlap - kept));
-  for (std::size_t i = window.overlap; i < events.size();) {
-    const std::size_t n = tracker_.batch_length(std::span(events).subspan(i), window.begin);
-    if (!rates.empty()) tracker_.turn(events[i].t, rate_at(rates, events[i + n / 2].t));
-    tracker_.process({&events[i], n}, &ids[i]);
-    i += n;
+  if (at_hand_ != window.begin) {
+    at_hand_ = window.begin;
+    ids_.assign(window.overlap, kNoLine);
+    const std::size_t kept = std::min(window.overlap, previous_ids_.size());
+    std::copy(previous_ids_.end() - static_cast<std::ptrdiff_t>(kept), previous_ids_.end(),
+              ids_.end() - static_cast<std::ptrdiff_t>(kept));
+    labelled_ = window.overlap;
   }
+  ids_.resize(events.size(), kNoLine);
+  while (labelled_ < events.size()) {
+    const std::size_t i = labelled_;
+    const std::size_t n = tracker_.batch_length(std::span(events).subspan(i), window.begin);
+    if (open && i + n == events.size()) return;
+    const Time middle = events[i + n / 2].t;
+    if (open && (rates.empty() || rates.back().t <= middle)) return;
+    if (!rates.empty()) tracker_.turn(events[i].t, rate_at(rates, middle));
+    tracker_.process({&events[i], n}, &ids_[i]);
+    labelled_ += n;
+  }
+}
+
+void TrackSegmenter::prepare(const EventWindow& window, std::span<const CameraRate> rates) {
+  label(window, rates, true);
 }
 
 SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<const CameraRate> rates) {
   SegmentedWindow out;
-  label(window, rates, out.ids);
+  label(window, rates, false);
+  at_hand_.reset();
+  out.ids = std::move(ids_);
   sort_by_track(out);
   previous_ids_ = out.ids;
   out.c_s_per_px = tracker_.c_s_per_px();

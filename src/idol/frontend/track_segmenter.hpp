@@ -15,10 +15,11 @@ class TrackSegmenter : public Segmenter {
       : options_(options), undistort_(&undistort), tracker_(options.track, undistort) {}
   using Segmenter::process;
   SegmentedWindow process(const EventWindow& window, std::span<const CameraRate> rates) override;
+  void prepare(const EventWindow& window, std::span<const CameraRate> rates) override;
   [[nodiscard]] SegmenterCounts counts() const override;
 
  private:
-  void label(const EventWindow& window, std::span<const CameraRate> rates, std::vector<LineId>& ids);
+  void label(const EventWindow& window, std::span<const CameraRate> rates, bool open);
   void sort_by_track(SegmentedWindow& out) const;
   [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id);
@@ -27,6 +28,9 @@ class TrackSegmenter : public Segmenter {
   const UndistortMap* undistort_;
   LineTracker tracker_;
   std::vector<LineId> previous_ids_;  // of the previous window's events, the last of which are handed on
+  std::vector<LineId> ids_;           // of the window at hand
+  std::optional<Time> at_hand_;       // its begin, once its first events are labelled
+  std::size_t labelled_ = 0;          // how many are
   std::vector<TimedPixel> points_;    // scratch
   SegmenterCounts counts_;
 };

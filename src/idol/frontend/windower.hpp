@@ -49,6 +49,8 @@ class Windower {
   void advance(Time t);
   /// Next complete window.
   std::optional<EventWindow> pop();
+  /// The window that is still filling; behind all that pop() gives.
+  [[nodiscard]] const EventWindow& open() const { return current_; }
   /// The last, unfinished window.
   std::optional<EventWindow> flush();
 

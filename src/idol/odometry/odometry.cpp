@@ -66,6 +66,7 @@ void Odometry::push(std::span<const Event> events) {
     windower_.push({&event, 1});
   }
   process_ready(imu_over_);
+  prepare();
 }
 
 void Odometry::end_imu() {
@@ -115,6 +116,21 @@ void Odometry::process_ready(bool last) {
   }
 }
 
+// Labels events before their window is complete, so that little is left to do when it is.
+void Odometry::prepare() {
+  constexpr Time kEvery = kNsPerS / 500;
+  if (!started_) return;
+  const EventWindow& window = waiting_ ? *waiting_ : windower_.open();
+  if (window.events.empty() || imu_.back_time() <= window.begin) return;
+  const Time until = std::min(window.events.back().t, imu_.back_time());
+  if (until - prepared_ < kEvery && until >= prepared_) return;
+  prepared_ = until;
+  if (until <= window.begin) return;
+  Stopwatch watch;
+  segmenter_->prepare(window, camera_rates(imu_.slice(window.begin, until, options_.imu.margin_samples)));
+  prepare_s_ += watch.lap();
+}
+
 // A window that the IMU will never reach.
 void Odometry::drop_waiting() {
   if (imu_.empty()) {
@@ -155,7 +171,7 @@ void Odometry::segment(EventWindow&& window) {
   done->segments = segmenter_->process(window, camera_rates(done->samples));
   done->window = std::move(window);
   done->counts = segmenter_->counts();
-  done->segment_s = watch.lap();
+  done->segment_s = watch.lap() + std::exchange(prepare_s_, 0);
   // What carries the newest estimate on stays.
   const auto known = newest();
   imu_.drop_before(std::min(done->window.end, known ? known->t : done->window.begin),

@@ -98,6 +98,7 @@ class Odometry {
 
  private:
   void process_ready(bool last);
+  void prepare();
   void drop_waiting();
   bool start(const EventWindow& window, bool last);
   // A window as the front-end leaves it.
@@ -133,6 +134,8 @@ class Odometry {
   std::optional<EventWindow> waiting_;
   bool started_ = false;
   bool imu_over_ = false;
+  Time prepared_ = 0;     // up to where the open window has been looked at
+  double prepare_s_ = 0;  // what that took
   RestDetector rest_;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;

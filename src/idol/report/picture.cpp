@@ -162,6 +162,7 @@ void write_png(const std::filesystem::path& path, const Image& image) {
   png.width = static_cast<png_uint_32>(image.width());
   png.height = static_cast<png_uint_32>(image.height());
   png.format = PNG_FORMAT_RGB;
+  png.flags = PNG_IMAGE_FLAG_FAST;  // a sixth of a run's time otherwise, for files a little smaller
   if (image.pixels().empty())
     throw DataError(fmt::format("{}: an image without pixels cannot be written", path.string()));
   if (png_image_write_to_file(&png, path.c_str(), 0, image.pixels().data(), 0, nullptr) == 0)
