@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -52,8 +53,9 @@ std::uint32_t to_us(Time t) { return static_cast<std::uint32_t>(t / 1000); }
 
 }  // namespace
 
-void PatchSums::add_row(const std::uint32_t* stamps, std::uint32_t now, std::uint32_t span, float per_us,
-                        float y) {
+unsigned PatchSums::add_row(const std::uint32_t* stamps, std::uint32_t now, std::uint32_t span, float per_us,
+                            float y) {
+  unsigned used = 0;
   using Ints [[gnu::vector_size(sizeof(Lanes))]] = std::int32_t;
   constexpr std::array<Ints, 2> kUsed{Ints{-1, -1, -1, -1}, Ints{-1, -1, -1, 0}};
   for (std::size_t half = 0; half < 2; ++half) {
@@ -67,7 +69,10 @@ void PatchSums::add_row(const std::uint32_t* stamps, std::uint32_t now, std::uin
     const Lanes z = __builtin_convertvector(age & use, Lanes) * -per_us;
     sums.n += one, sums.y += one * y, sums.yy += one * (y * y);
     sums.z += z, sums.yz += z * y, sums.zz += z * z;
+    const Ints bits = use & Ints{1, 2, 4, 8};
+    used |= static_cast<unsigned>(bits[0] | bits[1] | bits[2] | bits[3]) << (half * kLanes);
   }
+  return used;
 }
 
 int PatchSums::count() const {
@@ -76,15 +81,14 @@ int PatchSums::count() const {
 }
 
 std::optional<PatchPlane> PatchSums::plane() const {
-  float n = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
-  for (int k = 0; k < 2 * kLanes; ++k) {
-    const Columns& sums = columns_[static_cast<std::size_t>(k / kLanes)];
-    const int lane = k % kLanes;
-    const auto column = static_cast<float>(k - kReach);
-    n += sums.n[lane], x += sums.n[lane] * column, y += sums.y[lane], z += sums.z[lane];
-    xx += sums.n[lane] * column * column, xy += sums.y[lane] * column, xz += sums.z[lane] * column;
-    yy += sums.yy[lane], yz += sums.yz[lane], zz += sums.zz[lane];
-  }
+  constexpr Lanes kLeft{-3, -2, -1, 0}, kRight{1, 2, 3, 4};
+  static_assert(kReach == 3 && kLanes == 4);
+  const auto& [l, r] = columns_;
+  const auto sum = [](const Lanes& lanes) { return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]); };
+  const float n = sum(l.n + r.n), y = sum(l.y + r.y), z = sum(l.z + r.z);
+  const float x = sum(l.n * kLeft + r.n * kRight), xx = sum(l.n * kLeft * kLeft + r.n * kRight * kRight);
+  const float xy = sum(l.y * kLeft + r.y * kRight), xz = sum(l.z * kLeft + r.z * kRight);
+  const float yy = sum(l.yy + r.yy), yz = sum(l.yz + r.yz), zz = sum(l.zz + r.zz);
   if (n < 3) return std::nullopt;
   const Eigen::Vector3f mean = Eigen::Vector3f(x, y, z) / n;
   Eigen::Matrix3f covariance;
@@ -155,8 +159,10 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
   const std::uint32_t span = 5 * pixel_us;
   const auto per_us = static_cast<float>(1e-6 / c);
   PatchSums sums;
+  std::array<unsigned, 2 * kReach + 1> used{};
   for (int dy = -kReach; dy <= kReach; ++dy)
-    sums.add_row(&stamps[pixel] + dy * width_, now, span, per_us, static_cast<float>(dy));
+    used[static_cast<std::size_t>(dy + kReach)] =
+        sums.add_row(&stamps[pixel] + dy * width_, now, span, per_us, static_cast<float>(dy));
   if (sums.count() < kMinPatch) return std::nullopt;
   const auto plane = sums.plane();
   if (!plane || plane->planarity < kMinPlanarity) return std::nullopt;
@@ -173,9 +179,11 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
   for (int dy = -kGrowReach; dy <= kGrowReach; ++dy) {
     const Cell* row = &own + dy * width_;
     const std::uint32_t* row_stamps = &stamps[pixel] + dy * width_;
-    for (int dx = -kGrowReach; dx <= kGrowReach; ++dx) {
+    constexpr unsigned kNear = ((1U << (2 * kGrowReach + 1)) - 1) << (kReach - kGrowReach);
+    for (unsigned bits = used[static_cast<std::size_t>(dy + kReach)] & kNear; bits != 0; bits &= bits - 1) {
+      const int dx = std::countr_zero(bits) - kReach;
       const Cell& other = row[dx];
-      if (now - row_stamps[dx] > span || other.cluster == 0) continue;
+      if (other.cluster == 0) continue;
       if (own.nx * other.nx + own.ny * other.ny < kMinCosine) continue;
       const float age = static_cast<float>(now - row_stamps[dx]) * 1e-6F;
       const auto x = static_cast<float>(-dx), y = static_cast<float>(-dy);

@@ -25,8 +25,9 @@ class PatchSums {
  public:
   static constexpr int kReach = 3;
   /// `stamps` [us]: of the row's middle pixel, with kReach more before and kReach + 1 after it; 0 = no event.
-  /// Points older than `span` before `now` are left out; an age of 1 us counts as -`per_us` in time.
-  void add_row(const std::uint32_t* stamps, std::uint32_t now, std::uint32_t span, float per_us, float y);
+  /// Points older than `span` before `now` are left out; an age of 1 us counts as -`per_us` in time. Returns
+  /// one bit a pixel that was used, the row's first pixel's the lowest.
+  unsigned add_row(const std::uint32_t* stamps, std::uint32_t now, std::uint32_t span, float per_us, float y);
   [[nodiscard]] int count() const;
   /// nullopt for fewer than three points.
   [[nodiscard]] std::optional<PatchPlane> plane() const;
@@ -56,6 +57,13 @@ class LineDetector {
   void begin_batch(double most);
   /// Events that were left out for this, by now.
   [[nodiscard]] std::int64_t skipped() const { return skipped_; }
+  /// Fetches the memory that an event will need.
+  void prefetch(const Event& event) const {
+    const auto& stamps = stamps_[event.polarity ? 1 : 0];
+    const std::size_t pixel = static_cast<std::size_t>(event.y) * width_ + event.x;
+    __builtin_prefetch(&stamps[pixel]);
+    __builtin_prefetch(&cells_[event.polarity ? 1 : 0][pixel]);
+  }
   /// Takes an unclaimed event; a seed when it completes one. `c`: time that counts as a pixel [s/px].
   std::optional<LineSeed> add(const Event& event, double c, double min_length);
 

@@ -18,6 +18,7 @@ constexpr double kBatchSigma = 0.2;                // what the events of a batch
 constexpr double kAcceleration = 1e6;              // spectral density of the image acceleration [px^2/s^3]
 constexpr double kMostByChance = 0.35;             // neighbours that noise may give to an event
 constexpr double kNoiseMemory = 0.2;               // [s]
+constexpr std::size_t kAhead = 8;                  // events whose memory is fetched before their turn
 constexpr int kHot = 24;                           // unsupported events in half a second or so
 
 // Room for the counts along the line and a little beyond its ends.
@@ -236,8 +237,11 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
 
   const int w = undistort_->width();
   std::vector<std::uint32_t> rest;
+  rest.reserve(events.size());
   for (std::uint32_t i = 0; i < events.size(); ++i) {
     const Event& e = events[i];
+    const Event& soon = events[std::min<std::size_t>(i + kAhead, events.size() - 1)];
+    __builtin_prefetch(&pixels_[static_cast<std::size_t>(soon.y) * w + soon.x]);
     labels[i] = kNoLine;
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
     const Pixel& px = pixels_[pixel];
@@ -334,8 +338,9 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   const int h = undistort_->height();
   int alone = 0;
   detector_.begin_batch(options_.detect_rate * std::max(1e-3, seconds_between(begin, end)));
-  for (const std::uint32_t i : rest) {
-    const Event& e = events[i];
+  for (std::size_t k = 0; k < rest.size(); ++k) {
+    detector_.prefetch(events[rest[std::min(k + kAhead, rest.size() - 1)]]);
+    const Event& e = events[rest[k]];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
     const std::uint32_t us = now_us(e.t);
     auto& last = last_[e.polarity ? 1 : 0];

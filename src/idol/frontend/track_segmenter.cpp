@@ -78,41 +78,50 @@ SegmenterCounts TrackSegmenter::counts() const {
   return out;
 }
 
-// One segment for each track that has events, in the order of ids; merged tracks are one.
+// One segment for each track that has events, in the order of ids; merged tracks are one. Every other event
+// may have no line: without a branch on it this takes a third of the time.
 void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
+  static_assert(kNoLine == -1);
   LineId least = std::numeric_limits<LineId>::max(), most = kNoLine;
   for (const LineId id : out.ids) {
-    if (id == kNoLine) continue;
-    least = std::min(least, id);
+    least = std::min(least, id == kNoLine ? least : id);
     most = std::max(most, id);
   }
   if (most == kNoLine) return;
-  std::vector<LineId> goes_on(static_cast<std::size_t>(most - least + 1), kNoLine);
-  std::vector<std::uint32_t> counts(goes_on.size());
-  for (LineId& id : out.ids) {
-    if (id == kNoLine) continue;
-    LineId& known = goes_on[static_cast<std::size_t>(id - least)];
-    if (known == kNoLine) known = tracker_.final_id(id);
-    id = known;
-    // A track may go on as one that has no events of its own here.
-    if (id < least) {
-      const auto more = static_cast<std::size_t>(least - id);
-      goes_on.insert(goes_on.begin(), more, kNoLine);
-      counts.insert(counts.begin(), more, 0);
-      least = id;
-    }
-    ++counts[static_cast<std::size_t>(id - least)];
-  }
-  std::vector<std::uint32_t> slots(counts.size());
-  for (std::size_t k = 0; k < counts.size(); ++k) {
+  // By id from `least` on, after a first place for events without a line.
+  const auto place = [&](LineId id) { return static_cast<std::size_t>(std::max<LineId>(id - least + 1, 0)); };
+  std::vector<std::uint32_t> counts(place(most) + 1);
+  for (const LineId id : out.ids) ++counts[place(id)];
+  std::vector<LineId> final_ids(counts.size(), kNoLine);
+  std::vector<std::pair<LineId, std::size_t>> order;  // final id, place
+  for (std::size_t k = 1; k < counts.size(); ++k) {
     if (counts[k] == 0) continue;
-    slots[k] = static_cast<std::uint32_t>(out.segments.size());
-    out.segments.push_back({least + static_cast<LineId>(k), {}, {}});
-    out.segments.back().events.reserve(counts[k]);
+    final_ids[k] = tracker_.final_id(least + static_cast<LineId>(k) - 1);
+    order.emplace_back(final_ids[k], k);
   }
-  for (std::uint32_t i = 0; i < out.ids.size(); ++i)
-    if (out.ids[i] != kNoLine)
-      out.segments[slots[static_cast<std::size_t>(out.ids[i] - least)]].events.push_back(i);
+  std::sort(order.begin(), order.end());
+  // Events go where their track's segment is.
+  std::vector<std::uint32_t> nowhere(counts[0]);
+  std::vector<std::size_t> segment_of(counts.size());
+  std::vector<std::uint32_t> sizes;
+  for (const auto& [id, k] : order) {
+    if (out.segments.empty() || out.segments.back().id != id) {
+      out.segments.push_back({id, {}, {}});
+      sizes.push_back(0);
+    }
+    segment_of[k] = out.segments.size();
+    sizes.back() += counts[k];
+  }
+  std::vector<std::uint32_t*> next{nowhere.data()};
+  for (std::size_t k = 0; k < sizes.size(); ++k) {
+    out.segments[k].events.resize(sizes[k]);
+    next.push_back(out.segments[k].events.data());
+  }
+  for (std::uint32_t i = 0; i < out.ids.size(); ++i) {
+    const std::size_t k = place(out.ids[i]);
+    out.ids[i] = final_ids[k];
+    *next[segment_of[k]]++ = i;
+  }
 }
 
 std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
