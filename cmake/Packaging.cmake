@@ -14,6 +14,7 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME idol)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "libopenblas0-serial | libopenblas0")
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "Event-camera and IMU odometry with lines
  Estimates the trajectory of an event camera with an IMU, and a map of 3D line
  segments, from recordings as text, ROS 1 bags, AEDAT 4 or HDF5. Writes
@@ -22,7 +23,7 @@ set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "Event-camera and IMU odometry with line
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libidol-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libeigen3-dev (>= 3.4), libceres-dev (>= 2.1), liblapack-dev, libyaml-cpp-dev, libfmt-dev, \
-libzstd-dev, liblz4-dev, libbz2-dev, libhdf5-dev, libblosc-dev, liblzf-dev, zlib1g-dev, libpng-dev, pkg-config")
+libzstd-dev, liblz4-dev, libbz2-dev, libhdf5-dev, libblosc-dev, liblzf-dev, zlib1g-dev, libpng-dev, libcairo2-dev, libcpp-httplib-dev, pkg-config")
 set(CPACK_COMPONENT_DEV_DESCRIPTION "Event-camera and IMU odometry with lines (C++ library)
  Headers, static libraries and CMake files: find_package(idol) gives
  idol::odometry, idol::io, idol::tools and idol::jobs.")
