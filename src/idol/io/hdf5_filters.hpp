@@ -1,14 +1,19 @@
-// Compression of HDF5 files that the library knows only with plug-ins.
+// Filters of HDF5 files: compression, and what prepares for it.
 #pragma once
 
-#include <cstddef>
+#include <cstdint>
+#include <vector>
 
 namespace idol {
 
-/// Makes Blosc and LZF known to the library, for reading. May be called again.
-void register_hdf5_filters();
+struct Hdf5Filter {
+  std::uint16_t id = 0;  ///< as registered with The HDF Group
+  std::vector<std::uint32_t> values;
+};
 
-/// A chunk that this thread reads from now on decodes to so many bytes, or is refused.
-void expect_hdf5_chunk(std::size_t bytes);
+/// Replaces `data`, a chunk as stored, by its `bytes` bytes. Bit i of `skipped`: filter i was not applied.
+/// Knows zlib, shuffle, Fletcher's checksum, LZF and Blosc. Throws BadBytes on damage and for other filters.
+void decode_hdf5_chunk(const std::vector<Hdf5Filter>& filters, std::uint32_t skipped, std::size_t bytes,
+                       std::vector<std::uint8_t>& data);
 
 }  // namespace idol

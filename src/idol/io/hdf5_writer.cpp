@@ -8,7 +8,35 @@
 #include "idol/base/diagnostics.hpp"
 
 namespace idol {
+
+static_assert(sizeof(Hdf5Id) == sizeof(hid_t));
+
 namespace {
+
+void close(Hdf5Id id) {
+  switch (H5Iget_type(id)) {
+    case H5I_FILE:
+      H5Fclose(id);
+      break;
+    case H5I_DATASET:
+      H5Dclose(id);
+      break;
+    case H5I_DATASPACE:
+      H5Sclose(id);
+      break;
+    case H5I_DATATYPE:
+      H5Tclose(id);
+      break;
+    case H5I_GROUP:
+      H5Gclose(id);
+      break;
+    case H5I_GENPROP_LST:
+      H5Pclose(id);
+      break;
+    default:
+      break;
+  }
+}
 
 constexpr hsize_t kChunkRows = 1 << 16;
 
@@ -37,13 +65,20 @@ void append_vec3(std::vector<double>& values, const Vec3& v) {
 
 }  // namespace
 
+Hdf5Handle own_hdf5(Hdf5Id id) {
+  if (id < 0) return nullptr;
+  return {new Hdf5Id(id), [](const Hdf5Id* owned) {
+            close(*owned);
+            delete owned;
+          }};
+}
+
 Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, const WriterOptions& options)
     : name_(path.string()), compress_(options.compress) {
   H5open();
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   file_ = own_hdf5(H5Fcreate(name_.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   check(file_ != nullptr);
-  // Not attributes: the library reads those of damaged files beyond its memory.
   const std::array<std::int64_t, 3> about{1, options.width, options.height};
   const hsize_t size = about.size();
   const auto space = own_hdf5(H5Screate_simple(1, &size, nullptr));

@@ -1,14 +1,22 @@
 // The program's own HDF5 layout (docs/formats.md): columns of numbers, read back at the speed of memory.
 #pragma once
 
+#include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "idol/io/hdf5_file.hpp"
 #include "idol/io/recording_writer.hpp"
 
 namespace idol {
+
+/// An object of the HDF5 library, closed with its last owner. The library counts references: a data set may
+/// outlive its file.
+using Hdf5Id = std::int64_t;
+using Hdf5Handle = std::shared_ptr<const Hdf5Id>;
+/// Takes what a call of the library returned; empty if it failed.
+Hdf5Handle own_hdf5(Hdf5Id id);
 
 class Hdf5Writer : public RecordingWriter {
  public:
