@@ -24,6 +24,7 @@ void write_grey(const fs::path& path, const Grey& pixels, int width, int height)
   png.width = static_cast<png_uint_32>(width);
   png.height = static_cast<png_uint_32>(height);
   png.format = PNG_FORMAT_GRAY;
+  png.flags = PNG_IMAGE_FLAG_FAST;
   if (png_image_write_to_file(&png, path.c_str(), 0, pixels.data(), 0, nullptr) == 0)
     throw DataError(fmt::format("{}: cannot be written: {}; is the disk full?", path.string(), png.message));
 }
