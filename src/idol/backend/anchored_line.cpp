@@ -64,34 +64,33 @@ Eigen::Matrix4d AnchoredLine::world_moves() const {
 }
 
 std::optional<Vec2> bin_distances(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
-                                  const TimedCamera& at, const Camera& camera) {
-  const auto image = ImageLine::through(at.point(line.end_a()), at.point(line.end_b()), camera);
+                                  const TimedCamera& timed, const Camera& camera) {
+  const auto image = ImageLine::through(timed.at(line.end_a()), timed.at(line.end_b()), camera);
   if (!image) return std::nullopt;
-  return Vec2(image->signed_distance(bin.a_px + event_lag_px * bin.a_heading),
-              image->signed_distance(bin.b_px + event_lag_px * bin.b_heading));
+  return Vec2(image->signed_distance(bin.a(event_lag_px)), image->signed_distance(bin.b(event_lag_px)));
 }
 
 BinResidual bin_to_line(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
-                        const TimedCamera& at, const Camera& camera) {
+                        const TimedCamera& timed, const Camera& camera) {
   BinResidual r;
   const HomogeneousPoint end_a = line.end_a(), end_b = line.end_b();
-  const Vec3 a = at.point(end_a), b = at.point(end_b);
+  const Vec3 a = timed.at(end_a), b = timed.at(end_b);
   const auto image = ImageLine::through(a, b, camera);
   if (!image) return r;
-  const Vec3 from_a = at.seen_from_start(end_a), from_b = at.seen_from_start(end_b);
+  const Vec3 from_a = timed.seen_from_start(end_a), from_b = timed.seen_from_start(end_b);
   const Mat3 R_w_c = line.anchor.T_w_c.R();
   // d point / d offset, d point / d inverse depth (and d w / d inverse depth = 1), in the camera.
   const Vec3 across =
-      at.R_c_w() * (R_w_c.col(0) * line.anchor.normal.x() + R_w_c.col(1) * line.anchor.normal.y());
-  const Vec3 nearer = at.R_c_w() * line.anchor.T_w_c.p + at.d_x_d_w();
+      timed.R_c_w() * (R_w_c.col(0) * line.anchor.normal.x() + R_w_c.col(1) * line.anchor.normal.y());
+  const Vec3 nearer = timed.R_c_w() * line.anchor.T_w_c.p + timed.d_x_d_w();
   for (int k = 0; k < 2; ++k) {
-    const Vec2& heading = k == 0 ? bin.a_heading : bin.b_heading;
-    const auto distance = image->distance((k == 0 ? bin.a_px : bin.b_px) + event_lag_px * heading);
+    const auto distance = image->distance(k == 0 ? bin.a(event_lag_px) : bin.b(event_lag_px));
     const Vec3 d_a = distance.d_a.transpose(), d_b = distance.d_b.transpose();
-    const Vec3 d_a0 = at.R_c_0().transpose() * d_a, d_b0 = at.R_c_0().transpose() * d_b;
+    const Vec3 d_a0 = timed.R_c_0().transpose() * d_a, d_b0 = timed.R_c_0().transpose() * d_b;
     r.value[k] = distance.value;
     r.d_camera.row(k) << (end_a.w * d_a0 + end_b.w * d_b0).transpose(),
-        (d_a0.cross(from_a) + d_b0.cross(from_b)).transpose(), image->normal().dot(heading);
+        (d_a0.cross(from_a) + d_b0.cross(from_b)).transpose(),
+        image->normal().dot(k == 0 ? bin.a_heading : bin.b_heading);
     r.d_line.row(k) << d_a.dot(across), d_a.dot(nearer), d_b.dot(across), d_b.dot(nearer);
     r.d_calibration.row(k) << (d_a.cross(a) + d_b.cross(b)).transpose(), distance.d_log_focal;
   }

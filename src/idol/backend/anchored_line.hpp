@@ -50,17 +50,21 @@ struct LineBin {
   Vec2 a_heading = Vec2::Zero(), b_heading = Vec2::Zero();  ///< MovingLine::heading there
   int slot = 0;                                             ///< which of the window's bin times
   int count = 0;                                            ///< events
+
+  /// The points carried on by the events' lag.
+  [[nodiscard]] Vec2 a(double lag_px) const { return a_px + lag_px * a_heading; }
+  [[nodiscard]] Vec2 b(double lag_px) const { return b_px + lag_px * b_heading; }
 };
 
 /// Distances [px] of a bin's two points, carried on by the events' lag, from the line; nullopt where the line
 /// has no image.
 std::optional<Vec2> bin_distances(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
-                                  const TimedCamera& at, const Camera& camera);
+                                  const TimedCamera& timed, const Camera& camera);
 
 /// The same with Jacobians.
 struct BinResidual {
   Vec2 value = Vec2::Zero();
-  /// To the camera's motion, TimedCamera::point(): by_state() of the camera makes it one to the state, but
+  /// To the camera's motion, TimedCamera::at(): by_state() of the camera makes it one to the state, but
   /// for the event lag, whose column is the last.
   Eigen::Matrix<double, 2, 7> d_camera;
   Eigen::Matrix<double, 2, 4> d_line;
@@ -70,6 +74,6 @@ struct BinResidual {
   bool valid = false;
 };
 BinResidual bin_to_line(const LineBin& bin, double event_lag_px, const AnchoredLine& line,
-                        const TimedCamera& at, const Camera& camera);
+                        const TimedCamera& timed, const Camera& camera);
 
 }  // namespace idol

@@ -103,7 +103,8 @@ class FixedLag : public Backend {
   [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
   using StateColumns = Eigen::Matrix<double, Eigen::Dynamic, kStateDim>;
   [[nodiscard]] StateColumns prior_view(const Prior& prior) const;
-  [[nodiscard]] Eigen::VectorXd prior_change(const Prior& prior, const StateColumns& view) const;
+  [[nodiscard]] Eigen::VectorXd change_since(const Prior& prior) const;
+  [[nodiscard]] Eigen::VectorXd seen_change(const Prior& prior, const StateColumns& view) const;
   [[nodiscard]] double prior_cost(const Prior& prior) const;
   void add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const;
   void add_window(ChainSystem& system, std::size_t window, std::size_t slot) const;

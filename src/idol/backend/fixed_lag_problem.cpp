@@ -85,25 +85,32 @@ FixedLag::StateColumns FixedLag::prior_view(const Prior& prior) const {
   return T;
 }
 
-// From where the prior was taken to the present, moves of the world seen as prior_view() sees them.
-Eigen::VectorXd FixedLag::prior_change(const Prior& prior, const StateColumns& view) const {
-  const Eigen::Index n = prior.g.size();
-  Eigen::VectorXd d(n);
-  d.head<kStateDim>().setZero();
+// From where the prior was taken to the present.
+Eigen::VectorXd FixedLag::change_since(const Prior& prior) const {
+  Eigen::VectorXd d(prior.g.size());
+  d.head<kStateDim>() = difference(prior.state, states_[first_]);
   d.segment(kStateDim, calibration_dim_) = (calibration_ - prior.calibration).head(calibration_dim_);
   for (std::size_t k = 0; k < prior.lines.size(); ++k)
     d.segment<4>(prior_row(k)) = tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
-  return d + view * difference(prior.state, states_[first_]);
+  return d;
+}
+
+// The same with the moves of the world as prior_view() sees them.
+Eigen::VectorXd FixedLag::seen_change(const Prior& prior, const StateColumns& view) const {
+  Eigen::VectorXd d = change_since(prior);
+  const StateVec state = d.head<kStateDim>();
+  d.head<kStateDim>().setZero();
+  return d + view * state;
 }
 
 double FixedLag::prior_cost(const Prior& prior) const {
-  const Eigen::VectorXd d = prior_change(prior, prior_view(prior));
+  const Eigen::VectorXd d = seen_change(prior, prior_view(prior));
   return d.dot(prior.g + 0.5 * (prior.H * d));
 }
 
 void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const {
   StateColumns T = prior_view(prior);
-  const Eigen::VectorXd d = prior_change(prior, T);
+  const Eigen::VectorXd d = seen_change(prior, T);
   T.middleCols<3>(3) = (T.middleCols<3>(3) * to_turn(prior.state, states_[first_])).eval();
   const Eigen::VectorXd g = prior.g + prior.H * d;
   const StateColumns HT = prior.H * T;
@@ -303,16 +310,8 @@ FixedLag::ReducedPrior FixedLag::reduced_prior(const std::vector<LineId>& ids) c
 
 // Lines that only the prior knows follow the rest of it.
 void FixedLag::update_resting_lines(const ReducedPrior& reduced) {
-  const Prior& prior = reduced.prior;
   if (reduced.rest.y.size() == 0) return;
-  Eigen::VectorXd moved(prior.g.size());
-  moved << difference(prior.state, states_[first_]),
-      (calibration_ - prior.calibration).head(calibration_dim_),
-      Eigen::VectorXd::Zero(prior.g.size() - kStateDim - calibration_dim_);
-  for (std::size_t k = 0; k < prior.lines.size(); ++k)
-    moved.segment<4>(prior_row(k)) =
-        tracks_.at(prior.lines[k].first).line.coordinates - prior.lines[k].second;
-  const Eigen::VectorXd step = reduced.rest.given(moved);
+  const Eigen::VectorXd step = reduced.rest.given(change_since(reduced.prior));
   if (!step.allFinite()) return;
   for (std::size_t k = 0; k < reduced.resting.size(); ++k) {
     const auto& [id, at] = reduced.resting[k];

@@ -25,61 +25,46 @@ void chain(const RowVec3& d_a, const RowVec3& d_b, const PointInCamera& a, const
 
 }  // namespace
 
-// With dR = dR0 Exp(J dbg): x_i = dR^T (R^T (x_w - w (p + v dt + g dt^2 / 2)) - w dp), x_c = R_c_i (x_i - w
-// p_i_c).
+// With dR = dR0 Exp(J dbg), u = R^T (x_w - w (p + v dt + g dt^2 / 2)) the point seen from the IMU at the
+// begin: x_c = R_c_0 (u - w dp) - w R_c_i p_i_c. u moves with p and v and turns with theta; what turns dR
+// turns u - w dp.
 TimedCamera::TimedCamera(const NavState& state, const Preintegrated& motion, const ImuBias& linearised_at,
-                         const Projection& projection)
-    : dt_(motion.dt), R_c_i_(projection.T_i_c.q.conjugate().toRotationMatrix()), lever_(projection.T_i_c.p) {
+                         const Projection& projection) {
   const Vec3 dbg = state.bias.gyro - linearised_at.gyro;
   const Vec3 dba = state.bias.accel - linearised_at.accel;
   const Vec3 correction = motion.d_R_d_bg * dbg;
   const Mat3 dR = motion.dR * so3_exp(correction);
-  dp_ = motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba;
-  origin_ = state.T_w_i.p + state.v_w * dt_ + 0.5 * dt_ * dt_ * projection.gravity;
+  const Vec3 dp = motion.dp + motion.d_p_d_bg * dbg + motion.d_p_d_ba * dba;
+  const double dt = motion.dt;
+  const Mat3 R_c_i = projection.T_i_c.q.conjugate().toRotationMatrix();
   R_0_w_ = state.T_w_i.q.conjugate().toRotationMatrix();
-  R_c_0_ = R_c_i_ * dR.transpose();
+  R_c_0_ = R_c_i * dR.transpose();
   R_c_w_ = R_c_0_ * R_0_w_;
-  R_i_0_ = dR.transpose();
-  d_x_d_w_ = -R_c_w_ * origin_ - R_c_0_ * dp_ - R_c_i_ * lever_;
-  turn_d_bg_ = right_jacobian(correction) * motion.d_R_d_bg;
-  dp_d_bg_ = motion.d_p_d_bg;
-  dp_d_ba_ = motion.d_p_d_ba;
-  rate_ = motion.rate - dbg;
-  v_0_ = R_0_w_ * (state.v_w + dt_ * projection.gravity) + motion.dv + motion.d_v_d_bg * dbg +
-         motion.d_v_d_ba * dba;
-}
+  origin_ = state.T_w_i.p + state.v_w * dt + 0.5 * dt * dt * projection.gravity;
+  d_x_d_w_ = -R_c_w_ * origin_ - R_c_0_ * dp - R_c_i * projection.T_i_c.p;
 
-// x_c = R_c_0 (u - w dp) - w R_c_i lever with u the point from the IMU at the begin: u moves with p and v,
-// turns with theta, and what turns dR turns u - w dp.
-Eigen::Matrix<double, 6, 16> TimedCamera::by_state() const {
-  const Mat3 turn = R_i_0_.transpose() * turn_d_bg_;
-  const Vec3 rate = R_i_0_.transpose() * rate_;
-  Eigen::Matrix<double, 6, 16> out = Eigen::Matrix<double, 6, 16>::Zero();
-  out.block<3, 3>(0, 0) = -R_0_w_;
-  out.block<3, 3>(0, 6) = -dt_ * R_0_w_;
-  out.block<3, 3>(0, 9) = -hat(dp_) * turn - dp_d_bg_;
-  out.block<3, 3>(0, 12) = -dp_d_ba_;
-  out.block<3, 1>(0, 15) = -dp_.cross(rate) - v_0_;
-  out.block<3, 3>(3, 3).setIdentity();
-  out.block<3, 3>(3, 9) = turn;
-  out.block<3, 1>(3, 15) = rate;
-  return out;
+  // Of the whole: dR by the gyro's bias and by time, velocity.
+  const Mat3 turn = dR * right_jacobian(correction) * motion.d_R_d_bg;
+  const Vec3 rate = dR * (motion.rate - dbg);
+  const Vec3 velocity = R_0_w_ * (state.v_w + dt * projection.gravity) + motion.dv + motion.d_v_d_bg * dbg +
+                        motion.d_v_d_ba * dba;
+  by_state_.setZero();
+  by_state_.block<3, 3>(0, 0) = -R_0_w_;
+  by_state_.block<3, 3>(0, 6) = -dt * R_0_w_;
+  by_state_.block<3, 3>(0, 9) = -hat(dp) * turn - motion.d_p_d_bg;
+  by_state_.block<3, 3>(0, 12) = -motion.d_p_d_ba;
+  by_state_.block<3, 1>(0, 15) = -dp.cross(rate) - velocity;
+  by_state_.block<3, 3>(3, 3).setIdentity();
+  by_state_.block<3, 3>(3, 9) = turn;
+  by_state_.block<3, 1>(3, 15) = rate;
 }
 
 PointInCamera TimedCamera::operator()(const HomogeneousPoint& point) const {
-  const double w = point.w;
-  const Vec3 u = R_0_w_ * (point.x - w * origin_);
-  const Vec3 x_i = R_i_0_ * (u - w * dp_);
   PointInCamera out;
-  out.x = R_c_i_ * (x_i - w * lever_);
+  out.x = at(point);
   out.d_x_d_point = R_c_w_;
-  out.d_x_d_w = d_x_d_w_;
-  out.d_x_d_time = R_c_i_ * (x_i.cross(rate_) - w * (R_i_0_ * v_0_));
-  out.d_x_d_state.block<3, 3>(0, 0) = -w * R_c_w_;
-  out.d_x_d_state.block<3, 3>(0, 3) = R_c_0_ * hat(u);
-  out.d_x_d_state.block<3, 3>(0, 6) = -w * dt_ * R_c_w_;
-  out.d_x_d_state.block<3, 3>(0, 9) = R_c_i_ * hat(x_i) * turn_d_bg_ - w * R_c_0_ * dp_d_bg_;
-  out.d_x_d_state.block<3, 3>(0, 12) = -w * R_c_0_ * dp_d_ba_;
+  out.d_x_d_state = point.w * R_c_0_ * by_state_.topLeftCorner<3, 15>() +
+                    R_c_0_ * hat(seen_from_start(point)) * by_state_.bottomLeftCorner<3, 15>();
   return out;
 }
 
@@ -97,11 +82,9 @@ std::optional<ImageLine> ImageLine::through(const Vec3& a, const Vec3& b, const 
 }
 
 ImageLine::Distance ImageLine::distance(const Vec2& px) const {
-  const Vec2 m = camera_.normalise(px);
-  const Vec3 ray(m.x(), m.y(), 1);
   Distance out;
-  out.value = n_.dot(ray) / h_;
-  const RowVec3 d_n = (ray - out.value * d_h_).transpose() / h_;
+  out.value = signed_distance(px);
+  const RowVec3 d_n = (ray(px) - out.value * d_h_).transpose() / h_;
   out.d_a = -d_n * hat(b_);
   out.d_b = d_n * hat(a_);
   out.d_log_focal = n_.z() / h_;

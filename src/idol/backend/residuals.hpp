@@ -45,8 +45,6 @@ struct PointInCamera {
   Vec3 x = Vec3::Zero();
   Eigen::Matrix<double, 3, 15> d_x_d_state = Eigen::Matrix<double, 3, 15>::Zero();
   Mat3 d_x_d_point = Mat3::Zero();  ///< to HomogeneousPoint::x
-  Vec3 d_x_d_w = Vec3::Zero();
-  Vec3 d_x_d_time = Vec3::Zero();  ///< to the event's time: the camera moves on [m/s]
 };
 
 /// The camera at one time, from the state at the window's begin: x_c = T_i_c^-1 T_w_i(t)^-1 x_w with T_w_i(t)
@@ -58,12 +56,10 @@ class TimedCamera {
               const Projection& projection);
   [[nodiscard]] PointInCamera operator()(const HomogeneousPoint& point) const;
 
-  /// Without the state's Jacobian, which many points at one time share: the derivative r of a residual to a
+  /// Without the state's Jacobian, which all points at one time share: the derivative r of a residual to a
   /// point's x reaches the state by [w r R_c_0, (r R_c_0) x seen_from_start(point)] by_state(). Summed over a
   /// residual's points first, these are six numbers instead of 16.
-  [[nodiscard]] Vec3 point(const HomogeneousPoint& point) const {
-    return R_c_w_ * point.x + point.w * d_x_d_w_;
-  }
+  [[nodiscard]] Vec3 at(const HomogeneousPoint& point) const { return R_c_w_ * point.x + point.w * d_x_d_w_; }
   [[nodiscard]] Vec3 seen_from_start(const HomogeneousPoint& point) const {
     return R_0_w_ * (point.x - point.w * origin_);
   }
@@ -71,13 +67,12 @@ class TimedCamera {
   [[nodiscard]] const Mat3& R_c_w() const { return R_c_w_; }
   [[nodiscard]] const Vec3& d_x_d_w() const { return d_x_d_w_; }
   /// To [p, theta, v, b_g, b_a, time].
-  [[nodiscard]] Eigen::Matrix<double, 6, 16> by_state() const;
+  [[nodiscard]] const Eigen::Matrix<double, 6, 16>& by_state() const { return by_state_; }
 
  private:
-  double dt_;
-  Mat3 R_c_i_, R_c_0_, R_c_w_, R_i_0_, R_0_w_;  // 0: the IMU at the window's begin
-  Vec3 lever_, origin_, dp_, d_x_d_w_, rate_, v_0_;
-  Mat3 turn_d_bg_, dp_d_bg_, dp_d_ba_;
+  Mat3 R_c_0_, R_c_w_, R_0_w_;  // 0: the IMU at the window's begin
+  Vec3 origin_, d_x_d_w_;
+  Eigen::Matrix<double, 6, 16> by_state_;
 };
 
 /// Image of the line through two points of the camera frame, by the plane through them and the camera's
@@ -94,14 +89,14 @@ class ImageLine {
   };
   /// Of an undistorted pixel.
   [[nodiscard]] Distance distance(const Vec2& px) const;
-  [[nodiscard]] double signed_distance(const Vec2& px) const {
-    const Vec2 m = camera_.normalise(px);
-    return (n_.x() * m.x() + n_.y() * m.y() + n_.z()) / h_;
-  }
+  /// The value alone.
+  [[nodiscard]] double signed_distance(const Vec2& px) const { return n_.dot(ray(px)) / h_; }
   /// Unit, to where distances grow.
   [[nodiscard]] Vec2 normal() const { return Vec2(n_.x() / camera_.fx, n_.y() / camera_.fy) / h_; }
 
  private:
+  [[nodiscard]] Vec3 ray(const Vec2& px) const { return camera_.normalise(px).homogeneous(); }
+
   Vec3 a_, b_, n_, d_h_;
   double h_ = 0;  // length of the normal of the line in the image
   Camera camera_;

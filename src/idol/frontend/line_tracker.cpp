@@ -1,21 +1,17 @@
 #include "idol/frontend/line_tracker.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 namespace idol {
 namespace {
 
-constexpr double kSlowestScale = 0.025;            // [s/px]
 constexpr int kCell = 2;                           // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = LineTrack::kOutside;  // events this far beyond an end are looked at [px]
 constexpr double kStopTime = 0.03;                 // in which a line without events comes to rest [s]
 constexpr double kLostMemory = 0.6;                // how long after its last event a line may come back [s]
-constexpr double kFlowSigma = 0.2;                 // of a line's motion about the flow, over the usual speed
 constexpr double kEventSigma = 0.55;               // scatter of an edge's events across it [px]
 constexpr double kBatchSigma = 0.2;                // what the events of a batch err together [px]
-constexpr double kAcceleration = 1e6;              // spectral density of the image acceleration [px^2/s^3]
 constexpr double kMostByChance = 0.35;             // neighbours that noise may give to an event
 constexpr double kNoiseMemory = 0.2;               // [s]
 constexpr std::size_t kAhead = 8;                  // events whose memory is fetched before their turn
@@ -108,72 +104,10 @@ void LineTracker::forget_before(Time t) {
   std::erase_if(known_, [&](const auto& entry) { return entry.second.last_event < t; });
 }
 
-// A turn moves the whole image in a known way: what it changes, no line has to learn from its events.
-void LineTracker::turn(Time from, const Vec3& omega) {
-  if (omega_) {
-    const Vec3 change = omega - *omega_;
-    const auto turn_one = [&](LineTrack& track) {
-      advance(track, from);
-      const Eigen::Vector2d half = std::max(1.0, 0.5 * (track.hi - track.lo)) * track.dir;
-      const Eigen::Vector2d a = undistort_->rotational_flow(track.centre - half, change);
-      const Eigen::Vector2d b = undistort_->rotational_flow(track.centre + half, change);
-      track.x[2] += track.normal.dot(a + b) / 2;
-      track.x[3] += track.normal.dot(b - a) / (2 * half.norm());
-    };
-    std::for_each(tracks_.begin(), tracks_.end(), turn_one);
-    std::for_each(lost_.begin(), lost_.end(), turn_one);
-  }
-  omega_ = omega;
-}
-
-// Constant velocity; the frame moves along so that offset and slope are zero again.
-void LineTracker::predict(LineTrack& track, Time t) const {
-  const double dt = seconds_between(track.time, t);
-  if (dt > 0) {
-    Eigen::Matrix4d F = Eigen::Matrix4d::Identity();
-    F(0, 2) = F(1, 3) = dt;
-    track.x = F * track.x;
-    track.P = F * track.P * F.transpose();
-    const double half = std::max(10.0, 0.5 * (track.hi - track.lo));
-    for (int k = 0; k < 2; ++k) {
-      const double q = k == 0 ? kAcceleration : kAcceleration / (half * half);
-      track.P(k, k) += q * dt * dt * dt / 3;
-      track.P(k, k + 2) += q * dt * dt / 2;
-      track.P(k + 2, k) += q * dt * dt / 2;
-      track.P(k + 2, k + 2) += q * dt;
-    }
-    track.time = t;
-    // A line shows no motion along itself; the other lines do.
-    track.centre += track.dir.dot(flow(track.centre)) * dt * track.dir;
-  }
-  // The origin goes to the middle of the extent, where offset and slope are least coupled.
-  const double mid = 0.5 * (track.lo + track.hi);
-  track.x[0] += track.x[1] * mid;
-  track.x[2] += track.x[3] * mid;
-  Eigen::Matrix4d J = Eigen::Matrix4d::Identity();
-  J(0, 1) = J(2, 3) = mid;
-  track.P = J * track.P * J.transpose();
-  track.centre += mid * track.dir + track.x[0] * track.normal;
-  track.lo -= mid;
-  track.hi -= mid;
-  track.along_at -= mid;
-  const double c = 1 / std::sqrt(1 + track.x[1] * track.x[1]), s = track.x[1] * c;
-  track.dir = (c * track.dir + s * track.normal).normalized();
-  track.normal = {-track.dir.y(), track.dir.x()};
-  track.x[0] = track.x[1] = 0;
-}
-
 // One more event, so many px beyond an end.
 void LineTracker::count_end(LineTrack::EndCounts& counts, float beyond) {
   const int at = static_cast<int>(beyond + LineTrack::kInside);
   if (beyond > -LineTrack::kInside && at < counts.size()) ++counts[at];
-}
-
-void LineTracker::advance(LineTrack& track, Time t) const {
-  const double way = seconds_between(track.time, t) * std::abs(track.x[2]);
-  track.travel += way;
-  track.fresh_travel += way;
-  predict(track, t);
 }
 
 // Names the line in all cells that come within `band` of it.
@@ -419,51 +353,6 @@ void LineTracker::correct(LineTrack& track, const Fast& f, double noise, double 
     update({0, 1, 0, t}, tilt + turn * t,
            kEventSigma * kEventSigma / uu + 12 * kBatchSigma * kBatchSigma / (length * length));
   }
-}
-
-// One pixel of motion should count like one pixel of distance: c = 1 / median speed, followed slowly.
-void LineTracker::adapt_scale() {
-  std::vector<double> speeds;
-  for (const auto& t : tracks_)
-    if (t.confirmed) speeds.push_back(std::abs(t.x[2]));
-  if (speeds.size() < 3) return;
-  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
-  std::nth_element(speeds.begin(), middle, speeds.end());
-  const double wanted = std::clamp(1.0 / std::max(1.0, *middle), kFastestScale, kSlowestScale);
-  c_ = std::exp(0.9 * std::log(c_) + 0.1 * std::log(wanted));
-}
-
-Eigen::Vector2d LineTracker::flow(const Eigen::Vector2d& px) const {
-  const Eigen::Vector2d at =
-      2.0 / undistort_->width() * px - Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
-  return flow_ * Eigen::Vector3d(1, at.x(), at.y());
-}
-
-// Every line's motion across itself is a measurement of the flow at its middle. The change over the image is
-// expected to be smaller than the flow; where a line moves unlike the rest, it counts less.
-void LineTracker::fit_flow() {
-  using Vec6 = Eigen::Matrix<double, 6, 1>;
-  Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
-  Vec6 b = Vec6::Zero();
-  const double sigma = kFlowSigma / std::max(c_, 1e-3);
-  for (const LineTrack& t : tracks_) {
-    if (!t.confirmed) continue;
-    const double off = t.x[2] - t.normal.dot(flow(t.centre));
-    const double weight = 1 / (sigma * sigma + t.P(2, 2) + off * off);
-    const Eigen::Vector2d at = 2.0 / undistort_->width() * t.centre -
-                               Eigen::Vector2d(1, 1.0 * undistort_->height() / undistort_->width());
-    const Eigen::Vector3d p(1, at.x(), at.y());
-    Vec6 a;
-    a << t.normal.x() * p, t.normal.y() * p;
-    H += weight * a * a.transpose();
-    b += weight * t.x[2] * a;
-  }
-  const double uniform = 3 / c_, change = 0.5 / c_;
-  const Eigen::Vector3d prior(1 / (uniform * uniform), 1 / (change * change), 1 / (change * change));
-  H.diagonal() += (Vec6() << prior, prior).finished();
-  const Vec6 x = H.ldlt().solve(b);
-  flow_.row(0) = x.head<3>().transpose();
-  flow_.row(1) = x.tail<3>().transpose();
 }
 
 }  // namespace idol

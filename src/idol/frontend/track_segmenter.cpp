@@ -103,20 +103,14 @@ void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
   // Events go where their track's segment is.
   std::vector<std::uint32_t> nowhere(counts[0]);
   std::vector<std::size_t> segment_of(counts.size());
-  std::vector<std::uint32_t> sizes;
   for (const auto& [id, k] : order) {
-    if (out.segments.empty() || out.segments.back().id != id) {
-      out.segments.push_back({id, {}, {}});
-      sizes.push_back(0);
-    }
+    if (out.segments.empty() || out.segments.back().id != id) out.segments.push_back({id, {}, {}});
+    auto& events = out.segments.back().events;
+    events.resize(events.size() + counts[k]);
     segment_of[k] = out.segments.size();
-    sizes.back() += counts[k];
   }
   std::vector<std::uint32_t*> next{nowhere.data()};
-  for (std::size_t k = 0; k < sizes.size(); ++k) {
-    out.segments[k].events.resize(sizes[k]);
-    next.push_back(out.segments[k].events.data());
-  }
+  for (Segment& segment : out.segments) next.push_back(segment.events.data());
   for (std::uint32_t i = 0; i < out.ids.size(); ++i) {
     const std::size_t k = place(out.ids[i]);
     out.ids[i] = final_ids[k];

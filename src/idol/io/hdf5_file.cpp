@@ -10,6 +10,7 @@
 
 #include "idol/base/diagnostics.hpp"
 #include "idol/io/bytes.hpp"
+#include "idol/io/hdf5_dataset.hpp"
 #include "idol/io/hdf5_tables.hpp"
 #include "idol/io/random_file.hpp"
 

@@ -121,11 +121,10 @@ void Odometry::prepare() {
   constexpr Time kEvery = kNsPerS / 500;
   if (!started_) return;
   const EventWindow& window = waiting_ ? *waiting_ : windower_.open();
-  if (window.events.empty() || imu_.back_time() <= window.begin) return;
+  if (window.events.empty()) return;
   const Time until = std::min(window.events.back().t, imu_.back_time());
-  if (until - prepared_ < kEvery && until >= prepared_) return;
+  if (until <= window.begin || until < prepared_ + kEvery) return;
   prepared_ = until;
-  if (until <= window.begin) return;
   Stopwatch watch;
   segmenter_->prepare(window, camera_rates(imu_.slice(window.begin, until, options_.imu.margin_samples)));
   prepare_s_ += watch.lap();

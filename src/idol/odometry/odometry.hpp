@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -134,8 +135,8 @@ class Odometry {
   std::optional<EventWindow> waiting_;
   bool started_ = false;
   bool imu_over_ = false;
-  Time prepared_ = 0;     // up to where the open window has been looked at
-  double prepare_s_ = 0;  // what that took
+  Time prepared_ = std::numeric_limits<Time>::min();  // up to where the open window has been looked at
+  double prepare_s_ = 0;                              // what that took
   RestDetector rest_;
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;

@@ -10,6 +10,7 @@
 #include "idol/io/line_reader.hpp"
 #include "idol/io/number.hpp"
 #include "idol/io/trajectory_io.hpp"
+#include "idol/report/picture.hpp"
 
 namespace idol {
 namespace {
@@ -17,17 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 
 using Grey = std::vector<std::uint8_t>;  // rows from the top
-
-void write_grey(const fs::path& path, const Grey& pixels, int width, int height) {
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  png.width = static_cast<png_uint_32>(width);
-  png.height = static_cast<png_uint_32>(height);
-  png.format = PNG_FORMAT_GRAY;
-  png.flags = PNG_IMAGE_FLAG_FAST;
-  if (png_image_write_to_file(&png, path.c_str(), 0, pixels.data(), 0, nullptr) == 0)
-    throw DataError(fmt::format("{}: cannot be written: {}; is the disk full?", path.string(), png.message));
-}
 
 /// Where each pixel of the plain pinhole lies in the raw frame.
 std::vector<Vec2> raw_positions(const Camera& camera) {
@@ -81,8 +71,8 @@ std::size_t write_frames(FrameSource& frames, const Camera& camera, double offse
     if (t < next || t > to || frame.width != camera.width || frame.height != camera.height) continue;
     if (written == 0) fs::create_directories(dir, error);
     if (error) throw DataError(fmt::format("{}: cannot be created: {}", dir.string(), error.message()));
-    write_grey(dir / (format_stamp(t) + ".png"), sampled(frame.grey, at, camera.width, camera.height),
-               camera.width, camera.height);
+    write_png(dir / (format_stamp(t) + ".png"), camera.width, camera.height, PngPixels::kGrey,
+              sampled(frame.grey, at, camera.width, camera.height).data());
     ++written;
     next = std::max(next + apart, t - apart / 2);
   }

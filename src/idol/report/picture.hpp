@@ -77,7 +77,10 @@ Rgb line_colour(LineId id);
 Image draw_event_picture(int width, int height, std::span<const PictureEvent> events,
                          std::span<const PictureLine> lines, int scale);
 
-/// Throws DataError when the disk refuses.
+/// Throws DataError when the disk refuses, or there are no pixels.
 void write_png(const std::filesystem::path& path, const Image& image);
+enum class PngPixels { kGrey, kRgb };  ///< one or three bytes
+/// The same of width x height pixels, rows from the top.
+void write_png(const std::filesystem::path& path, int width, int height, PngPixels kind, const void* pixels);
 
 }  // namespace idol
