@@ -159,7 +159,8 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
   double damping = kLeast;
   ChainSystem system = linearise(ids, prior);
   stats.cost = system.cost;
-  for (; stats.iterations < max_iterations; ++stats.iterations) {
+  while (stats.iterations < max_iterations) {
+    ++stats.iterations;
     const std::vector<NavState> states(states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end());
     const Vec4 calibration = calibration_;
     std::vector<Vec4> lines;
@@ -183,7 +184,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
       continue;
     }
     damping = std::max(kLeast, damping / 10);
-    if (gain < enough * (1 + std::abs(stats.cost)) || stats.iterations + 1 == max_iterations) break;
+    if (gain < enough * (1 + std::abs(stats.cost)) || stats.iterations == max_iterations) break;
     system = linearise(ids, prior);
   }
   return stats;
