@@ -51,6 +51,10 @@ void write_drawable_run(const TempDir& dir) {
   write_lines_csv(dir.path() / "lines.csv", std::vector<Line>{{11, {0, 0, 0}, {1, 0, 0}, 0, 1, 10, 1000},
                                                               {12, {0, 1, 0}, {0, 2, 0.5}, 1, 1, 1, 30}});
   dir.write("windows.csv", windows);
+  Rig rig;
+  rig.camera = {240, 180, 200, 200, 120, 90, Distortion::kNone, {}};
+  rig.T_i_c = T_i_c;
+  dir.write("rig_refined.yaml", rig_to_yaml(rig));
   dir.write("rig.yaml",
             "cam0:\n  T_cam_imu: [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]\n  camera_model: pinhole\n"
             "  distortion_coeffs: [0,0,0,0]\n  distortion_model: radtan\n  intrinsics: [200,200,120,90]\n"

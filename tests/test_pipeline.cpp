@@ -124,6 +124,29 @@ TEST(Pipeline, AWrongTimeOffsetIsFound) {
   EXPECT_LT(judge(states, data.truth).position_m, 1.2 * judge(right, data.truth).position_m + 5e-4);
 }
 
+// The offset that the rig does not know belongs to the stamps of the camera, not to its path.
+TEST(Pipeline, CameraPosesAreByTheCamerasClock) {
+  constexpr double kOffset = 0.006;  // [s]
+  Rig rig = davis_rig();
+  rig.time_offset_s = kOffset;
+  const auto data = record(rig, 5);
+  rig.time_offset_s = 0.001;
+  Odometry odometry(rig, preset("realtime"));
+  for (const auto& s : data.imu) odometry.push(s);
+  odometry.push(data.events);
+  odometry.finish();
+  const Backend& smoother = odometry.smoother();
+  std::vector<NavState> seen = smoother.states();  // the IMU when the camera's clock reads t
+  for (NavState& state : seen) {
+    const StampedPose camera = smoother.camera_pose(state);
+    EXPECT_EQ(camera.t, state.t - from_seconds(rig.time_offset_s));
+    state.t = camera.t;
+    state.T_w_i = camera.T * rig.T_i_c.inverse();
+  }
+  const Errors right = judge(seen, data.truth), unaware = judge(smoother.states(), data.truth);
+  EXPECT_LT(right.position_m, 0.5 * unaware.position_m);
+}
+
 TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {
   const Rig rig = davis_rig();
   const auto data = record(rig, 4);

@@ -97,6 +97,10 @@ void write_run(const TempDir& dir) {
     windows += fmt::format("{},0.05,2000,1500,12,10,{},0.1,0.02,0.01,0.02,0.03,0.001,0.002,0.003\n",
                            format_stamp(states[i].t), i == 1 ? "nan" : "0.7");
   dir.write("windows.csv", windows);
+  Rig rig;
+  rig.camera = {240, 180, 200, 200, 120, 90, Distortion::kNone, {}};
+  rig.T_i_c = T_i_c;
+  dir.write("rig_refined.yaml", rig_to_yaml(rig));
   dir.write("config.yaml", "window_s: 0.05\n");
   dir.write("stats.json", R"({"sequence": "a/circle", "preset": "paper", "version": "0.1.0", "duration_s": 4,
     "stages": {"solve": 1.5}, "warnings": {"imu_gap": {"message": "gap </script><!-- <script> here", "count": 2}}})");

@@ -126,13 +126,7 @@ void bind_odometry(py::module_& module) {
       .def("predict", [](Session& session, const py::object& t) { return session.predict(time_from_python(t)); })
       .def("states", [](Session& session) { return to_dict(session.states()); })
       .def("lines", [](Session& session) { return to_dict(session.lines()); })
-      .def("trajectory",
-           [](Session& session) {
-             const Pose T_i_c = session.mounting();
-             Trajectory camera;
-             for (const NavState& s : session.states()) camera.push_back({s.t, s.T_w_i * T_i_c});
-             return trajectory_arrays(camera);
-           })
+      .def("trajectory", [](Session& session) { return trajectory_arrays(session.camera()); })
       .def("warnings", [](Session& session) { return to_dict(session.diagnostics()); })
       .def("close", &Session::close);
   module.def("config", [](const std::string& preset, const Settings& settings) {

@@ -147,10 +147,14 @@ std::vector<Line> Session::lines() {
   });
 }
 
-Pose Session::mounting() {
+Trajectory Session::camera() {
   return watched([](Odometry& odometry) {
     odometry.wait();
-    return odometry.smoother().projection().T_i_c;
+    Trajectory out;
+    if (!odometry.started()) return out;
+    for (const NavState& state : odometry.smoother().states())
+      out.push_back(odometry.smoother().camera_pose(state));
+    return out;
   });
 }
 

@@ -61,7 +61,7 @@ class Session {
   std::optional<NavState> predict(Time t);
   std::vector<NavState> states();
   std::vector<Line> lines();
-  Pose mounting();
+  Trajectory camera();
   Diagnostics diagnostics();
   /// Ends the second thread, dropping what waits for it; nothing works after it.
   void close();

@@ -32,10 +32,21 @@ NavState Backend::state_at(Time t) const {
   const auto index = std::clamp<std::ptrdiff_t>(after - states_.begin() - 1, 0, std::ssize(windows_) - 1);
   const auto i = static_cast<std::size_t>(index);
   const Preintegration* imu = windows_[i].imu.get();
-  NavState state = imu == nullptr ? between(states_[i], states_[i + 1], t)
-                                  : predict(states_[i], imu->at(t), imu->bias(), projection_.gravity);
+  NavState state;
+  if (imu == nullptr) {
+    state = between(states_[i], states_[i + 1], t);
+  } else {
+    const Time inside = std::min(t, imu->end());
+    state = predict(states_[i], later(imu->at(inside), seconds_between(inside, t)), imu->bias(),
+                    projection_.gravity);
+  }
   state.t = t;
   return state;
+}
+
+StampedPose Backend::camera_pose(const NavState& state) const {
+  const NavState then = state_at(state.t + from_seconds(state.time_shift));
+  return {state.t - from_seconds(time_offset_s_), then.T_w_i * projection_.T_i_c};
 }
 
 }  // namespace idol

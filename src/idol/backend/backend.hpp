@@ -43,7 +43,9 @@ struct SolveStats {
 class Backend {
  public:
   explicit Backend(const Rig& rig, double gravity)
-      : noise_(rig.imu), projection_{rig.camera, rig.T_i_c, Vec3(0, 0, -gravity)} {}
+      : noise_(rig.imu),
+        projection_{rig.camera, rig.T_i_c, Vec3(0, 0, -gravity)},
+        time_offset_s_(rig.time_offset_s) {}
   virtual ~Backend() = default;
 
   /// First state, at the begin of the first window.
@@ -65,8 +67,12 @@ class Backend {
   /// Of latest(), in the order position, rotation (about the IMU's axes), velocity, gyro bias, accelerometer
   /// bias, time shift, event lag; position and yaw relative to the start. Nullopt: this estimator has none.
   [[nodiscard]] virtual std::optional<StateMat> covariance() const { return std::nullopt; }
-  /// State at any time of the windows so far, through the continuous representation.
+  /// State at any time of the windows so far, through the continuous representation; some milliseconds beyond
+  /// the last too.
   [[nodiscard]] NavState state_at(Time t) const;
+  /// The camera in the world when its own clock reads what the rig takes for `state.t`: stamped by that clock,
+  /// and placed by the time shift that was found.
+  [[nodiscard]] StampedPose camera_pose(const NavState& state) const;
   [[nodiscard]] const Projection& projection() const { return projection_; }
 
  protected:
@@ -80,6 +86,7 @@ class Backend {
 
   ImuNoise noise_;
   Projection projection_;
+  double time_offset_s_;
   std::vector<NavState> states_;
   std::vector<Window> windows_;
 };

@@ -79,6 +79,7 @@ class FixedLag : public Backend {
 
   void file(std::size_t window, LineObservation&& seen);
   void make_lines();
+  [[nodiscard]] Pose camera_at(std::size_t window, const EventMeasurement& measured) const;
   [[nodiscard]] AnchoredLine new_line(const Observation& seen, double depth) const;
   [[nodiscard]] bool fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line,
                          Eigen::Matrix4d& H, double& rms) const;

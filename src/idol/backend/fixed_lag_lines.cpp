@@ -30,7 +30,7 @@ std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::siz
   for (const auto& [id, track] : tracks_) {
     if (!track.mapped || track.dead || !track.line.finite()) continue;
     const Line line = line_of(id, track);
-    const TimedCamera camera(state, seen.end_a.motion, bias, projection_);
+    const TimedCamera camera(state, later(seen.end_a.motion, state.time_shift), bias, projection_);
     const Vec3 a = camera({line.a}).x, b = camera({line.b}).x;
     if (a.z() < 0.05 || b.z() < 0.05) continue;
     const Vec2 pa = projection_.camera.project(a), pb = projection_.camera.project(b);
@@ -79,12 +79,19 @@ void FixedLag::make_lines() {
                 [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
 }
 
+// The camera in the world when that was measured.
+Pose FixedLag::camera_at(std::size_t window, const EventMeasurement& measured) const {
+  const NavState& state = states_[window];
+  return predict(state, later(measured.motion, state.time_shift), windows_[window].imu->bias(),
+                 projection_.gravity)
+             .T_w_i *
+         projection_.T_i_c;
+}
+
 AnchoredLine FixedLag::new_line(const Observation& seen, double depth) const {
-  const NavState at = predict(states_[seen.window], seen.end_a.motion, windows_[seen.window].imu->bias(),
-                              projection_.gravity);
   AnchoredLine line;
-  line.anchor =
-      LineAnchor::from_image(at.T_w_i * projection_.T_i_c, seen.end_a.px, seen.end_b.px, projection_.camera);
+  line.anchor = LineAnchor::from_image(camera_at(seen.window, seen.end_a), seen.end_a.px, seen.end_b.px,
+                                       projection_.camera);
   line.coordinates = Vec4(0, 1 / depth, 0, 1 / depth);
   return line;
 }
@@ -176,10 +183,7 @@ void FixedLag::measure_extents() {
     double u[2];
     for (int k = 0; k < 2; ++k) {
       const EventMeasurement& end = k == 0 ? seen.end_a : seen.end_b;
-      const Pose T_w_c =
-          predict(states_[seen.window], end.motion, windows_[seen.window].imu->bias(), projection_.gravity)
-              .T_w_i *
-          projection_.T_i_c;
+      const Pose T_w_c = camera_at(seen.window, end);
       const Vec2 m = projection_.camera.normalise(end.px);
       const Vec3 ray = (T_w_c.q * Vec3(m.x(), m.y(), 1)).normalized();
       // Point of the line nearest to the ray.

@@ -27,9 +27,9 @@ std::vector<Time> ticks(Time after, Time until, double rate_hz) {
   return out;
 }
 
-Trajectory poses(const std::vector<NavState>& states, const Pose& T_i_body) {
+Trajectory imu_poses(const std::vector<NavState>& states) {
   Trajectory out;
-  for (const auto& s : states) out.push_back({s.t, s.T_w_i * T_i_body});
+  for (const auto& s : states) out.push_back({s.t, s.T_w_i});
   return out;
 }
 
@@ -62,7 +62,8 @@ void RunRecorder::publish(const Estimate& e) {
   } else {
     causal_.push_back(e.state);
   }
-  causal_mounting_.resize(causal_.size(), e.smoother.projection().T_i_c);
+  for (std::size_t k = causal_camera_.size(); k < causal_.size(); ++k)
+    causal_camera_.push_back(e.smoother.camera_pose(causal_[k]));
 }
 
 void RunRecorder::add(const Estimate& e, const Sight& sight) {
@@ -160,11 +161,9 @@ RunRecorder::Trajectories RunRecorder::trajectories(const Odometry& odometry) co
     for (Time t : ticks(smoother.states().front().t - 1, smoother.latest().t, rate_hz_))
       smoothed.push_back(smoother.state_at(t));
   }
-  Trajectories all{poses(smoothed, Pose()), poses(smoothed, smoother.projection().T_i_c),
-                   poses(causal_, Pose()), poses(causal_, Pose())};
-  for (std::size_t k = 0; k < causal_.size(); ++k)
-    all.camera_causal[k].T = all.camera_causal[k].T * causal_mounting_[k];
-  return all;
+  Trajectory camera;
+  for (const NavState& state : smoothed) camera.push_back(smoother.camera_pose(state));
+  return {imu_poses(smoothed), std::move(camera), imu_poses(causal_), causal_camera_};
 }
 
 void RunRecorder::write_trajectories(const Odometry& odometry) const {

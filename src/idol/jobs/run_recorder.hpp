@@ -49,7 +49,7 @@ class RunRecorder {
   [[nodiscard]] std::string stats_json(const Odometry& odometry, const Summary& summary) const;
 
   struct Trajectories {
-    Trajectory imu, camera;                ///< best estimate at the end
+    Trajectory imu, camera;                ///< best estimate at the end, each by its sensor's own clock
     Trajectory imu_causal, camera_causal;  ///< as first published
   };
   /// Empty without an estimate.
@@ -103,7 +103,7 @@ class RunRecorder {
   Rig rig_;
   double rate_hz_;
   std::vector<NavState> causal_;
-  std::vector<Pose> causal_mounting_;  // of the camera, as known then
+  Trajectory causal_camera_;
   mutable std::mutex rows_mutex_;      // the thread that reads asks how far it is
   std::vector<Row> rows_;
   SegmenterCounts counts_;

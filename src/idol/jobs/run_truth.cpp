@@ -34,21 +34,21 @@ std::string full_figures(const Evaluation& evaluation) {
 }  // namespace
 
 std::string judge_against_truth(const std::filesystem::path& sequence, const StreamChoice& choice,
-                                const Pose& T_i_c, const std::filesystem::path& out,
-                                Diagnostics& diagnostics) {
+                                const Rig& rig, const std::filesystem::path& out, Diagnostics& diagnostics) {
   std::optional<Trajectory> truth;
+  bool of_imu = false;
   try {
     const auto recording = open_recording(sequence, choice);
     truth = recording->groundtruth();
     if (!truth) return {};
-    if (recording->truth_of_imu())
-      for (StampedPose& pose : *truth) pose.T = pose.T * T_i_c;
+    of_imu = recording->truth_of_imu();
   } catch (const std::runtime_error& e) {  // DataError, UsageError
     diagnostics.warn("bad_groundtruth", fmt::format("{}; the run is not compared with it", e.what()));
     return {};
   }
+  const std::string judged = of_imu ? "trajectory_imu" : "trajectory_camera";
   // Read back, so that the figures are those of the files to the last digit.
-  const Trajectory estimate = read_trajectory(out / "trajectory_camera.txt");
+  const Trajectory estimate = read_trajectory(out / (judged + ".txt"));
   const auto judge = [&](const Trajectory& trajectory, const char* file) -> std::optional<Evaluation> {
     try {
       const Evaluation evaluation = evaluate(trajectory, *truth, {});
@@ -63,11 +63,14 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
   const auto smoothed = judge(estimate, "evaluation.json");
   if (!smoothed) return {};
   try {
-    judge(read_trajectory(out / "trajectory_camera_causal.txt"), "evaluation_causal.json");
+    judge(read_trajectory(out / (judged + "_causal.txt")), "evaluation_causal.json");
   } catch (const DataError&) {
     // Over before a pose was published.
   }
-  write_trajectory(out / "groundtruth_camera.txt", part_of(*truth, estimate.front().t, estimate.back().t));
+  Trajectory shown = part_of(*truth, estimate.front().t, estimate.back().t);
+  if (of_imu)
+    for (StampedPose& pose : shown) pose = {pose.t - from_seconds(rig.time_offset_s), pose.T * rig.T_i_c};
+  write_trajectory(out / "groundtruth_camera.txt", shown);
   return full_figures(*smoothed);
 }
 

@@ -42,6 +42,14 @@ CsvColumns read_csv(const fs::path& path) {
   return csv;
 }
 
+// Poses of the camera are stamped by its own clock, all else by the IMU's.
+void use_imu_clock(RunFolder& run) {
+  if (!run.refined) return;
+  const Time offset = from_seconds(run.refined->time_offset_s);
+  for (Trajectory* trajectory : {&run.camera, &run.camera_causal, &run.groundtruth})
+    for (StampedPose& pose : *trajectory) pose.t += offset;
+}
+
 /// Reads one part after the other, turning every trouble into a note.
 class Collector {
  public:
@@ -119,12 +127,15 @@ RunFolder read_run_folder(const fs::path& dir) {
   if (!run.rig_yaml.empty())
     collect.take(run.camera_model, "rig.yaml", "",
                  [&](const fs::path& path) { return find_camera(dir, path); });
+  collect.take(run.refined, "rig_refined.yaml", "the truth beside the state",
+               [](const fs::path& path) { return load_rig({}, path); });
   run.frames = find_frames(dir / "frames");
   if (!collect.found())
     throw DataError(
         fmt::format("{}: holds nothing of a run (no stats.json, no trajectory); give the folder 'idol run "
                     "--out' wrote to",
                     dir.string()));
+  use_imu_clock(run);
   return run;
 }
 

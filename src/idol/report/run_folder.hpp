@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "idol/base/camera.hpp"
+#include "idol/base/rig.hpp"
 #include "idol/base/types.hpp"
 #include "idol/report/event_log.hpp"
 #include "idol/report/frames.hpp"
@@ -23,7 +24,8 @@ struct CsvColumns {
   [[nodiscard]] const std::vector<double>* find(const std::string& name) const;
 };
 
-/// Everything is empty where its file is missing or damaged; `notes` then says so.
+/// Everything is empty where its file is missing or damaged; `notes` then says so. All stamps are by the IMU's
+/// clock.
 struct RunFolder {
   Trajectory camera, imu, camera_causal, imu_causal;
   Trajectory groundtruth;  ///< of the camera
@@ -31,6 +33,7 @@ struct RunFolder {
   std::vector<Line> lines;
   CsvColumns windows;
   std::optional<Camera> camera_model;  ///< of rig.yaml
+  std::optional<Rig> refined;          ///< as the run found it in the end
   std::string stats_json, evaluation_json, config_yaml, rig_yaml;
   std::vector<FrameFile> frames;    ///< undistorted
   std::vector<ShownWindow> events;  ///< what is shown of each window's events

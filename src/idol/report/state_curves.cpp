@@ -111,21 +111,11 @@ Vectors euler_sigmas(const std::vector<NavState>& states, const Vectors& sigma) 
   return out;
 }
 
-/// The camera in the IMU frame, from a pose of each at one stamp.
-std::optional<Pose> mounting(const Trajectory& camera, const Trajectory& imu) {
-  for (const StampedPose& c : camera) {
-    const auto i =
-        std::lower_bound(imu.begin(), imu.end(), c.t, [](const StampedPose& p, Time t) { return p.t < t; });
-    if (i != imu.end() && i->t == c.t) return i->T.inverse() * c.T;
-  }
-  return std::nullopt;
-}
-
 /// A trajectory of the camera as one of the IMU; empty where the mounting is not known.
 Trajectory of_imu(const RunFolder& run, Trajectory camera) {
-  const std::optional<Pose> T_i_c = mounting(run.camera, run.imu);
-  if (!T_i_c) return {};
-  for (StampedPose& pose : camera) pose.T = pose.T * T_i_c->inverse();
+  if (!run.refined) return {};
+  const Pose T_c_i = run.refined->T_i_c.inverse();
+  for (StampedPose& pose : camera) pose.T = pose.T * T_c_i;
   return camera;
 }
 
