@@ -1,7 +1,8 @@
 // Judges the segments of simulated recordings against their true lines; prints rows of
 // docs/results_frontend.md:
-//   study_frontend [KEY=VALUE | from=S | to=S | noise=HZ]... SEQUENCE...
-// KEY: an option of `idol config`; noise: events of noise added, per pixel and second.
+//   study_frontend [KEY=VALUE | from=S | to=S | noise=HZ | gyro=0]... SEQUENCE...
+// KEY: an option of `idol config`; noise: events of noise added, per pixel and second; gyro=0: the camera's
+// turns are not given.
 #include <fmt/format.h>
 
 #include <array>
@@ -31,6 +32,7 @@ constexpr double kViewStep = 0.01;  // [s]
 struct Settings {
   Options options;
   double from_s = 1.5, to_s = 1e30, noise_hz = 0;
+  bool gyro = true;
 };
 
 double median(std::vector<double> values) {
@@ -131,14 +133,17 @@ class Judge {
   }
 
   [[nodiscard]] std::string row() {
-    Purity part, life;
-    for (const auto& [key, votes] : parts_) part.add(votes);
+    Purity part, life, listed;
+    for (const auto& [key, votes] : parts_) {
+      part.add(votes);
+      if (2 * votes.near_any > votes.events) listed.add(votes);
+    }
     for (const auto& [id, votes] : tracks_) life.add(votes);
     const auto [lives, longest] = track_lives();
     return fmt::format(
-        "{:.3f} ({:.3f}) | {:.3f} | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
-        part.pure / part.events, part.pure / part.near_any, life.pure / life.events,
-        static_cast<double>(found_) / wanted_,
+        "{:.3f} ({:.3f}, {:.3f}) | {:.3f} | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
+        part.pure / part.events, part.pure / part.near_any, listed.pure / listed.near_any,
+        life.pure / life.events, static_cast<double>(found_) / wanted_,
         static_cast<double>(taken_) / std::max<std::int64_t>(1, unlisted_), median(offsets_), median(angles_),
         median(lives), median(longest), tracks_.size());
   }
@@ -265,6 +270,26 @@ std::vector<Event> read_events(const std::filesystem::path& sequence, const Came
   return events;
 }
 
+// What the gyro says of the camera's turns.
+std::vector<CameraRate> read_rates(const std::filesystem::path& sequence) {
+  const Rig rig = load_rig(sequence);
+  ReaderOptions reading;
+  reading.need_events = false;
+  std::vector<CameraRate> all;
+  const auto reader = open_reader(sequence, reading);
+  while (const auto packet = reader->next()) {
+    const auto rates = camera_rates(packet->imu, rig);
+    all.insert(all.end(), rates.begin(), rates.end());
+  }
+  return all;
+}
+
+std::span<const CameraRate> rates_over(const std::vector<CameraRate>& rates, const EventWindow& window) {
+  const auto before = [](const CameraRate& rate, Time t) { return rate.t < t; };
+  return {std::lower_bound(rates.begin(), rates.end(), window.begin, before),
+          std::lower_bound(rates.begin(), rates.end(), window.end, before)};
+}
+
 // The front-end sees the recording from its begin on; judged is from `from_s` on.
 void study(const std::filesystem::path& sequence, const Settings& settings) {
   const auto camera = find_camera(sequence, {}, nullptr);
@@ -279,9 +304,10 @@ void study(const std::filesystem::path& sequence, const Settings& settings) {
   judge.start(from);
   double seconds = 0;
   std::size_t judged = 0;
+  const std::vector<CameraRate> rates = settings.gyro ? read_rates(sequence) : std::vector<CameraRate>();
   const auto process = [&](const EventWindow& window) {
     const auto before = std::chrono::steady_clock::now();
-    const SegmentedWindow segments = segmenter->process(window);
+    const SegmentedWindow segments = segmenter->process(window, rates_over(rates, window));
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - before;
     if (window.begin < from) return;
     seconds += spent.count();
@@ -303,7 +329,8 @@ int run(int argc, char** argv) {
   std::vector<OptionField> fields;
   list_fields(settings.options, fields);
   fmt::print(
-      "| recording | purity (of those within 3 px of a listed line) | purity over life | recall | of far "
+      "| recording | purity (of those within 3 px of a listed line, in segments mostly there) | purity over "
+      "life | recall | of far "
       "events | fit at the "
       "middle | life of tracks / in view | longest track / in view | tracks | Mev/s |\n"
       "|---|---|---|---|---|---|---|---|---|---|\n");
@@ -319,6 +346,8 @@ int run(int argc, char** argv) {
       settings.from_s = std::stod(value);
     else if (key == "to")
       settings.to_s = std::stod(value);
+    else if (key == "gyro")
+      settings.gyro = value != "0";
     else if (key == "noise")
       settings.noise_hz = std::stod(value);
     else

@@ -1,10 +1,15 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 #include <memory>
+#include <optional>
+#include <span>
+#include <vector>
 
 #include "arguments.hpp"
 #include "commands.hpp"
+#include "idol/base/rig.hpp"
 #include "idol/frontend/segments.hpp"
 #include "idol/frontend/windower.hpp"
 #include "idol/io/event_monitor.hpp"
@@ -20,6 +25,7 @@ namespace {
 
 struct SegmentArguments {
   std::filesystem::path sequence, out, rig, pictures;
+  bool no_imu = false;
   OptionArguments options;
   SpanArguments span;
   StreamArguments streams;
@@ -95,15 +101,50 @@ class Pictures {
   int count_ = 0;
 };
 
+// The camera's turns by the gyro, where there is one and the rig says how it is mounted.
+class Turns {
+ public:
+  explicit Turns(const std::optional<Rig>& rig) : rig_(rig) {}
+
+  void add(std::span<const ImuSample> samples) {
+    if (!rig_) return;
+    for (CameraRate rate : camera_rates(samples, *rig_)) {
+      rate.t -= from_seconds(rig_->time_offset_s);
+      rates_.push_back(rate);
+    }
+  }
+  /// Of the window, which come in order of time.
+  std::span<const CameraRate> over(const EventWindow& window) {
+    const auto before = [](const CameraRate& rate, Time t) { return rate.t < t; };
+    rates_.erase(rates_.begin(), std::lower_bound(rates_.begin(), rates_.end(), window.begin, before));
+    return {rates_.begin(), std::lower_bound(rates_.begin(), rates_.end(), window.end, before)};
+  }
+
+ private:
+  std::optional<Rig> rig_;
+  std::vector<CameraRate> rates_;
+};
+
+std::optional<Rig> rig_of(const SegmentArguments& arguments) {
+  if (arguments.no_imu) return std::nullopt;
+  try {
+    return load_rig(arguments.sequence, arguments.rig);
+  } catch (const DataError&) {  // lines follow the turns later, by their events
+    return std::nullopt;
+  }
+}
+
 // Segments all that can be read; returns the reason if that is not all.
 std::string label_events(const SegmentArguments& arguments, const Options& options, Reader& reader,
-                         const UndistortMap& undistort, EventMonitor& monitor) {
+                         const UndistortMap& undistort, const std::optional<Rig>& rig,
+                         EventMonitor& monitor) {
   TextWriter writer(arguments.out);
   Windower windower(options.window);
   const auto segmenter = make_segmenter(options.segment, undistort);
   Pictures pictures(arguments.pictures, undistort);
+  Turns turns(rig);
   const auto process = [&](const EventWindow& window) {
-    const SegmentedWindow segments = segmenter->process(window);
+    const SegmentedWindow segments = segmenter->process(window, turns.over(window));
     write_labels(writer, window, segments);
     pictures.add(window, segments);
   };
@@ -113,6 +154,7 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
       const auto packet = reader.next();
       if (!packet) break;
       monitor.add(packet->events);
+      turns.add(packet->imu);
       windower.push(packet->events);
       while (const auto window = interrupted() ? std::nullopt : windower.pop()) process(*window);
     }
@@ -135,9 +177,12 @@ int segment(const SegmentArguments& arguments) {
   ReaderOptions reading = reader_options(arguments);
   reading.width = undistort.width();
   reading.height = undistort.height();
+  const std::optional<Rig> rig = rig_of(arguments);
+  reading.imu_if_present = rig.has_value();
+  if (rig) reading.imu_offset_s = rig->time_offset_s;
   const auto reader = open_reader(arguments.sequence, reading);
   EventMonitor monitor(undistort.width(), undistort.height());
-  const std::string failure = label_events(arguments, options, *reader, undistort, monitor);
+  const std::string failure = label_events(arguments, options, *reader, undistort, rig, monitor);
   if (!failure.empty()) throw DataError(failure);
   diagnostics.merge(reader->diagnostics());
   monitor.report(arguments.sequence.string(), diagnostics);
@@ -153,13 +198,15 @@ int segment(const SegmentArguments& arguments) {
 
 void add_segment(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<SegmentArguments>();
-  auto* command = app.add_subcommand("segment", "Cluster events into line segments; no IMU needed");
+  auto* command =
+      app.add_subcommand("segment", "Cluster events into line segments; an IMU helps, but is not needed");
   command
       ->add_option("SEQUENCE", arguments->sequence, "recording: a folder or file of any format that is read")
       ->required();
   command->add_option("--out", arguments->out, "text file: t x y p segment_id, -1 for none")->required();
   command->add_option("--rig", arguments->rig,
                       "camera calibration, to straighten lines (found in the folder if there)");
+  command->add_flag("--no-imu", arguments->no_imu, "do not follow the camera's turns by the gyro");
   command->add_option("--pictures", arguments->pictures, "folder for pictures of the segments, ten a second");
   arguments->options.declare(*command);
   arguments->span.declare(*command);

@@ -208,6 +208,14 @@ std::string advice_for(const StatedSize& stated) {
 
 }  // namespace
 
+std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples, const Rig& rig) {
+  std::vector<CameraRate> out;
+  out.reserve(samples.size());
+  const Mat3 R_c_i = rig.T_i_c.q.conjugate().toRotationMatrix();
+  for (const ImuSample& s : samples) out.push_back({s.t, R_c_i * s.gyro});
+  return out;
+}
+
 Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path& imu_path,
              Diagnostics* diagnostics, const StatedSize& stated) {
   Sources sources = find_sources(sequence, rig_path);

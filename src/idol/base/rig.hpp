@@ -4,12 +4,15 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "idol/base/camera.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/lie.hpp"
+#include "idol/base/types.hpp"
 
 namespace idol {
 
@@ -28,6 +31,10 @@ struct Rig {
   ImuNoise imu;
   double time_offset_s = 0;  ///< t_imu = t_camera + time_offset (Kalibr's timeshift_cam_imu)
 };
+
+/// What the gyro says of the camera, at the samples' own stamps and with the gyro's bias in it: for those
+/// whom only its changes matter.
+std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples, const Rig& rig);
 
 /// To be asked for the width and height that a recording states itself, {0, 0} if it does not.
 using StatedSize = std::function<std::pair<int, int>()>;

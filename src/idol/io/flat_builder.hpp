@@ -1,6 +1,7 @@
 // FlatBuffers written front to back, behind their size: a table comes before what it points to.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
@@ -20,8 +21,8 @@ class FlatBuilder {
   static constexpr std::size_t kRoot = 4;
 
   /// A buffer of the type `kind` (four characters).
-  explicit FlatBuilder(std::string_view kind) : bytes_(kRoot + 4) {
-    bytes_.insert(bytes_.end(), kind.begin(), kind.end());
+  explicit FlatBuilder(std::string_view kind) : bytes_(kRoot + 4 + kind.size()) {
+    std::copy(kind.begin(), kind.end(), bytes_.begin() + kRoot + 4);
   }
   /// Begins a table, its fields all zero; `pointer` is the place of the offset that leads to it. Returns the
   /// places of the fields, in the order given.

@@ -126,7 +126,8 @@ void Odometry::prepare() {
   if (until <= window.begin || until < prepared_ + kEvery) return;
   prepared_ = until;
   Stopwatch watch;
-  segmenter_->prepare(window, camera_rates(imu_.slice(window.begin, until, options_.imu.margin_samples)));
+  segmenter_->prepare(window,
+                      camera_rates(imu_.slice(window.begin, until, options_.imu.margin_samples), rig_));
   prepare_s_ += watch.lap();
 }
 
@@ -167,7 +168,7 @@ void Odometry::segment(EventWindow&& window) {
   Stopwatch watch;
   auto done = std::make_shared<Segmented>();
   done->samples = imu_.slice(window.begin, window.end, options_.imu.margin_samples);
-  done->segments = segmenter_->process(window, camera_rates(done->samples));
+  done->segments = segmenter_->process(window, camera_rates(done->samples, rig_));
   done->window = std::move(window);
   done->counts = segmenter_->counts();
   done->segment_s = watch.lap() + std::exchange(prepare_s_, 0);
@@ -222,15 +223,6 @@ void Odometry::estimate(const Segmented& segmented) {
 std::optional<NavState> Odometry::newest() const {
   const std::lock_guard lock(newest_mutex_);
   return newest_;
-}
-
-// With the gyro's bias in them: only their changes matter.
-std::vector<CameraRate> Odometry::camera_rates(std::span<const ImuSample> samples) const {
-  std::vector<CameraRate> out;
-  out.reserve(samples.size());
-  const Mat3 R_c_i = rig_.T_i_c.q.conjugate().toRotationMatrix();
-  for (const ImuSample& s : samples) out.push_back({s.t, R_c_i * s.gyro});
-  return out;
 }
 
 // The longest tracks first, then the longest segments; of each, events spread evenly over its time.

@@ -113,7 +113,6 @@ class Odometry {
   void segment(EventWindow&& window);
   void estimate(const Segmented& segmented);
   [[nodiscard]] std::optional<NavState> newest() const;
-  [[nodiscard]] std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples) const;
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
                                                      const SegmentedWindow& segments,
                                                      const Preintegration& imu) const;
