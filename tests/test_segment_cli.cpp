@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "recording_util.hpp"
 #include "test_util.hpp"
 
 namespace idol::test {

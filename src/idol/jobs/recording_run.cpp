@@ -176,8 +176,8 @@ RecordingRun::Outcome RecordingRun::go() {
   summary_.diagnostics.merge(odometry_.diagnostics());
   if (!write) return outcome;
   if (odometry_.started())
-    figures_ = judge_against_truth(request_.sequence, request_.choice, rig_, request_.out,
-                                   summary_.diagnostics);
+    figures_ =
+        judge_against_truth(request_.sequence, request_.choice, rig_, request_.out, summary_.diagnostics);
   write_text_file(request_.out / "stats.json", stats_json());
   if (odometry_.started()) write_report(request_.out);
   return outcome;
