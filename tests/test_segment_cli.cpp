@@ -13,8 +13,8 @@ namespace fs = std::filesystem;
 
 std::string labels_of(const TempDir& dir, const fs::path& recording, const std::string& extra) {
   const fs::path out = dir.path() / "labels.txt";
-  const auto result = run_idol(
-      fmt::format("segment '{}' --out '{}' --from 1.5 --to 3 {}", recording.string(), out.string(), extra));
+  const auto result =
+      run_idol(fmt::format("segment '{}' --out '{}' {}", recording.string(), out.string(), extra));
   EXPECT_EQ(result.status, 0) << result.err;
   return slurp(out);
 }
@@ -25,12 +25,12 @@ TEST(SegmentCommand, FollowsTheGyroWhereThereIsOne) {
   const TempDir dir;
   const std::string with = labels_of(dir, demo, ""), without = labels_of(dir, demo, "--no-imu");
   EXPECT_EQ(std::count(with.begin(), with.end(), '\n'), std::count(without.begin(), without.end(), '\n'));
-  EXPECT_NE(with, without);
+  EXPECT_TRUE(with != without);
   const fs::path events_alone = dir.path() / "events_alone";
   fs::create_directories(events_alone);
   for (const char* file : {"events.txt.zst", "camchain-imucam.yaml"})
     fs::copy(demo / file, events_alone / file);
-  EXPECT_EQ(labels_of(dir, events_alone, ""), without);
+  EXPECT_TRUE(labels_of(dir, events_alone, "") == without);
 }
 
 }  // namespace
