@@ -44,7 +44,7 @@ struct BackendOptions {
   bool refine_calibration = false;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
-  double start_velocity_sigma = 0.02;
+  double start_velocity_sigma = 0.01;
   double moving_velocity_sigma = 1.0;
   double gyro_bias_sigma = 0.003;
   double moving_gyro_bias_sigma = 0.02;

@@ -25,6 +25,7 @@ Options paper() {
   options.backend.max_iterations = 8;
   options.backend.depth_prior_log = 1;
   options.backend.moving_gyro_bias_sigma = 0.03;
+  options.backend.start_velocity_sigma = 0.02;
   options.backend.lag_windows = 30;
   return options;
 }
