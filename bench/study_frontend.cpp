@@ -284,12 +284,6 @@ std::vector<CameraRate> read_rates(const std::filesystem::path& sequence) {
   return all;
 }
 
-std::span<const CameraRate> rates_over(const std::vector<CameraRate>& rates, const EventWindow& window) {
-  const auto before = [](const CameraRate& rate, Time t) { return rate.t < t; };
-  return {std::lower_bound(rates.begin(), rates.end(), window.begin, before),
-          std::lower_bound(rates.begin(), rates.end(), window.end, before)};
-}
-
 // The front-end sees the recording from its begin on; judged is from `from_s` on.
 void study(const std::filesystem::path& sequence, const Settings& settings) {
   const auto camera = find_camera(sequence, {}, nullptr);

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -113,11 +112,10 @@ class Turns {
       rates_.push_back(rate);
     }
   }
-  /// Of the window, which come in order of time.
+  /// Of the window; forgets what lies before it.
   std::span<const CameraRate> over(const EventWindow& window) {
-    const auto before = [](const CameraRate& rate, Time t) { return rate.t < t; };
-    rates_.erase(rates_.begin(), std::lower_bound(rates_.begin(), rates_.end(), window.begin, before));
-    return {rates_.begin(), std::lower_bound(rates_.begin(), rates_.end(), window.end, before)};
+    std::erase_if(rates_, [&](const CameraRate& rate) { return rate.t < window.begin; });
+    return rates_over(rates_, window);
   }
 
  private:

@@ -13,6 +13,12 @@ void SegmenterCounts::add(const EventWindow& window, std::span<const LineId> ids
   in_segments += std::count_if(fresh.begin(), fresh.end(), [](LineId id) { return id != kNoLine; });
 }
 
+std::span<const CameraRate> rates_over(std::span<const CameraRate> rates, const EventWindow& window) {
+  const auto before = [](const CameraRate& rate, Time t) { return rate.t < t; };
+  return {std::lower_bound(rates.begin(), rates.end(), window.begin, before),
+          std::lower_bound(rates.begin(), rates.end(), window.end, before)};
+}
+
 std::unique_ptr<Segmenter> make_segmenter(const SegmentOptions& options, const UndistortMap& undistort) {
   if (options.method == SegmentMethod::kTrack) return std::make_unique<TrackSegmenter>(options, undistort);
   return std::make_unique<ClusterSegmenter>(options, undistort);

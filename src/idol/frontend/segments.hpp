@@ -102,6 +102,9 @@ struct SegmenterCounts {
   void add(const EventWindow& window, std::span<const LineId> ids);
 };
 
+/// Those of `rates` (in time order) that lie in the window.
+std::span<const CameraRate> rates_over(std::span<const CameraRate> rates, const EventWindow& window);
+
 /// Turns windows into segments, one after the other.
 class Segmenter {
  public:

@@ -42,12 +42,17 @@ CsvColumns read_csv(const fs::path& path) {
   return csv;
 }
 
-// Poses of the camera are stamped by its own clock, all else by the IMU's.
+// Poses of the camera are stamped by its own clock, events and frames by the IMU's as the rig had it, all
+// else by the IMU's.
 void use_imu_clock(RunFolder& run) {
-  if (!run.refined) return;
+  if (!run.refined || run.camera.empty() || run.imu.empty()) return;
   const Time offset = from_seconds(run.refined->time_offset_s);
+  // Both first poses are of one state.
+  const Time shift = offset - (run.imu.front().t - run.camera.front().t);
   for (Trajectory* trajectory : {&run.camera, &run.camera_causal, &run.groundtruth})
     for (StampedPose& pose : *trajectory) pose.t += offset;
+  for (ShownWindow& window : run.events) window.t += shift;
+  for (FrameFile& frame : run.frames) frame.t += shift;
 }
 
 /// Reads one part after the other, turning every trouble into a note.
