@@ -61,7 +61,8 @@ class FixedLag : public Backend {
   struct WindowRows {  // from one state to the next
     ImuResidual imu;
     Eigen::Matrix<double, 8, 1> walk, walk_weight;  // biases, time shift, lag
-    double rest_weight = 0;                         // of the first state's velocity
+    double rest_weight = 0, rest_turn_weight = 0;  // of the first state's velocity, of the turn to the second
+    Vec3 turn = Vec3::Zero();
     double cost = 0;
   };
   // Normal equations of the lines seen at one bin time, to the camera's motion (BinResidual::d_camera).

@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kShiftWalk = 1e-5;  // of the camera's clock against the IMU's [s/sqrt(s)]
 constexpr double kLagWalk = 0.003;   // of the events' lag: light and contrasts change [px/sqrt(s)]
+constexpr double kRestRate = 0.01;   // turning at rest, anew in each window [rad/s]
 
 // Change from `from` to `to`, in our tangent order [p, theta, v, b_g, b_a, time shift, event lag].
 StateVec difference(const NavState& from, const NavState& to) {
@@ -164,10 +165,14 @@ FixedLag::WindowRows FixedLag::window_rows(std::size_t window) const {
       1 / (kLagWalk * kLagWalk * dt);
   out.walk << bias_residual(from.bias, to.bias), to.time_shift - from.time_shift,
       to.event_lag_px - from.event_lag_px;
-  if (windows_[window].still) out.rest_weight = 1 / std::pow(options_.start_velocity_sigma, 2);
-  out.cost =
-      0.5 * (out.imu.value.dot(inertial.weight * out.imu.value) +
-             out.walk.dot(out.walk_weight.cwiseProduct(out.walk)) + out.rest_weight * from.v_w.squaredNorm());
+  if (windows_[window].still) {
+    out.rest_weight = 1 / std::pow(options_.start_velocity_sigma, 2);
+    out.rest_turn_weight = 1 / std::pow(kRestRate * dt, 2);
+    out.turn = quat_log(from.T_w_i.q.conjugate() * to.T_w_i.q);
+  }
+  out.cost = 0.5 * (out.imu.value.dot(inertial.weight * out.imu.value) +
+                    out.walk.dot(out.walk_weight.cwiseProduct(out.walk)) +
+                    out.rest_weight * from.v_w.squaredNorm() + out.rest_turn_weight * out.turn.squaredNorm());
   return out;
 }
 
@@ -194,6 +199,14 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
 
   system.diagonal[slot].block<3, 3>(6, 6).diagonal().array() += rows.rest_weight;
   system.state_gradient[slot].segment<3>(6) += rows.rest_weight * states_[window].v_w;
+  if (rows.rest_turn_weight == 0) return;
+  const Mat3 to = right_jacobian_inverse(rows.turn), from = -to.transpose();
+  const double w = rows.rest_turn_weight;
+  system.diagonal[slot].block<3, 3>(3, 3) += w * from.transpose() * from;
+  system.next[slot].block<3, 3>(3, 3) += w * from.transpose() * to;
+  system.diagonal[slot + 1].block<3, 3>(3, 3) += w * to.transpose() * to;
+  system.state_gradient[slot].segment<3>(3) += w * from.transpose() * rows.turn;
+  system.state_gradient[slot + 1].segment<3>(3) += w * to.transpose() * rows.turn;
 }
 
 double FixedLag::sigma_px(const LineBin& bin) const {

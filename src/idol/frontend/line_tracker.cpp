@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace idol {
 namespace {
@@ -12,10 +13,13 @@ constexpr double kStopTime = 0.03;                 // in which a line without ev
 constexpr double kLostMemory = 0.6;                // how long after its last event a line may come back [s]
 constexpr double kEventSigma = 0.55;               // scatter of an edge's events across it [px]
 constexpr double kBatchSigma = 0.2;                // what the events of a batch err together [px]
-constexpr double kMostByChance = 0.35;             // neighbours that noise may give to an event
-constexpr double kNoiseMemory = 0.2;               // [s]
-constexpr std::size_t kAhead = 8;                  // events whose memory is fetched before their turn
-constexpr int kHot = 24;                           // unsupported events in half a second or so
+constexpr double kEnough = 16;                     // events that correct a line, beside those of noise
+constexpr double kLongestWait = 0.02;              // mean age at which fewer do [s]
+constexpr double kNoiseLumps = 4;  // noise is expected in so many times its mean number: it comes in lumps
+constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an event
+constexpr double kNoiseMemory = 0.2;    // [s]
+constexpr std::size_t kAhead = 8;       // events whose memory is fetched before their turn
+constexpr int kHot = 24;                // unsupported events in half a second or so
 
 // Room for the counts along the line and a little beyond its ends.
 void cover(LineTrack& track) {
@@ -315,7 +319,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   }
 }
 
-// Two scalar measurements of a batch: mean distance of the near events, and tilt along the line.
+// Two scalar measurements of one or more batches: mean distance of the near events, and tilt along the line.
 // `noise`: expected in the batch by chance [1/px], to be taken off all counts.
 void LineTracker::correct(LineTrack& track, const Fast& f, double noise, double duration) {
   if (f.wanted != 0) noise /= 2;  // of one polarity
@@ -330,10 +334,17 @@ void LineTracker::correct(LineTrack& track, const Fast& f, double noise, double 
   if (f.n < 2) {  // an edge without events does not move
     const double expected = kMinDensity * (track.hi - track.lo) * std::abs(track.x[2]) * duration;
     if (expected > 1) track.x.tail<2>() *= std::exp(-duration / kStopTime);
-    return;
+    if (f.n == 0) return;
   }
-  const double n = f.n, u = f.u / n, r = f.r / n, t = f.t / n;
-  track.bow += f.bow, track.bow_n += n, track.spread += f.rr - strip * gate * gate / 3;
+  auto& waiting = track.waiting;
+  waiting.n += f.n, waiting.u += f.u, waiting.uu += f.uu, waiting.r += f.r, waiting.ur += f.ur,
+      waiting.t += f.t;
+  waiting.noise += strip;
+  track.bow += f.bow, track.bow_n += f.n, track.spread += f.rr - strip * gate * gate / 3;
+  const double stray = kNoiseLumps * waiting.noise;
+  if (waiting.n < kEnough + stray && waiting.t > -kLongestWait * waiting.n) return;
+  const LineTrack::Waiting sums = std::exchange(waiting, {});
+  const double n = sums.n, u = sums.u / n, r = sums.r / n, t = sums.t / n;
   const auto update = [&](const Eigen::Vector4d& h, double z, double variance) {
     const Eigen::Vector4d ph = track.P * h;
     const double s = h.dot(ph) + variance;
@@ -341,17 +352,18 @@ void LineTracker::correct(LineTrack& track, const Fast& f, double noise, double 
     track.x += gain * (z - h.dot(track.x));
     track.P -= gain * ph.transpose();
   };
+  // A share of noise, evenly over the gate, draws the mean towards the prediction and scatters it.
+  const double noisy = std::min(0.95, stray / n), own = 1 - noisy;
+  const double scatter = (own * kEventSigma * kEventSigma + noisy * gate * gate / 3) / (own * own);
   // Residuals are against the predicted rates: these come back as what the measurement says of the whole
   // state.
   const double rate = track.x[2], turn = track.x[3];
-  update({1, u, t, u * t}, r + (rate + turn * u) * t,
-         kBatchSigma * kBatchSigma + kEventSigma * kEventSigma / n);
-  const double uu = f.uu - n * u * u;
+  update({1, u, t, u * t}, r + (rate + turn * u) * t, kBatchSigma * kBatchSigma + scatter / n);
+  const double uu = sums.uu - n * u * u;
   const double length = track.hi - track.lo;
-  if (f.n >= 4 && uu > 0.02 * n * length * length) {
-    const double tilt = (f.ur - n * u * r) / uu;
-    update({0, 1, 0, t}, tilt + turn * t,
-           kEventSigma * kEventSigma / uu + 12 * kBatchSigma * kBatchSigma / (length * length));
+  if (n >= 4 && uu > 0.02 * n * length * length) {
+    const double tilt = (sums.ur - n * u * r) / uu;
+    update({0, 1, 0, t}, tilt + turn * t, scatter / uu + 12 * kBatchSigma * kBatchSigma / (length * length));
   }
 }
 

@@ -60,6 +60,11 @@ struct LineTrack {
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
   double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0, spread = 0,
          noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate
+  /// Of near events that have not corrected the state yet: number, sums along the line, across it, and of
+  /// times from the state's on; and how many of them noise gives.
+  struct Waiting {
+    double n = 0, u = 0, uu = 0, r = 0, ur = 0, t = 0, noise = 0;
+  } waiting;
   /// Claimed events by pixels about an end, from `kInside` px inside to the outermost; fading like `all`.
   static constexpr int kInside = 4, kOutside = 6;
   using EndCounts = Eigen::Array<float, kInside + kOutside, 1>;

@@ -171,6 +171,7 @@ void LineTracker::part(LineTrack& track, Time now) {
       std::ssize(tracks_) + std::ssize(parted_) >= options_.max_lines)
     return;
   other.id = next_id_++;
+  other.waiting = {};
   other.born = now;
   known_[other.id] = {kNoLine, other.confirmed, other.normal, other.last_event};
   parted_.push_back(std::move(other));

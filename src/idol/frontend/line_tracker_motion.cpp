@@ -49,6 +49,7 @@ void LineTracker::predict(LineTrack& track, Time t) const {
       track.P(k + 2, k + 2) += q * dt;
     }
     track.time = t;
+    track.waiting.t -= track.waiting.n * dt;
     // A line shows no motion along itself; the other lines do.
     track.centre += track.dir.dot(flow(track.centre)) * dt * track.dir;
   }
@@ -62,6 +63,10 @@ void LineTracker::predict(LineTrack& track, Time t) const {
   track.centre += mid * track.dir + track.x[0] * track.normal;
   track.lo -= mid;
   track.hi -= mid;
+  auto& waiting = track.waiting;
+  waiting.uu += mid * (waiting.n * mid - 2 * waiting.u);
+  waiting.u -= waiting.n * mid;
+  waiting.ur -= mid * waiting.r;
   track.along_at -= mid;
   const double c = 1 / std::sqrt(1 + track.x[1] * track.x[1]), s = track.x[1] * c;
   track.dir = (c * track.dir + s * track.normal).normalized();
