@@ -162,7 +162,7 @@ TEST(TrackSegments, CirclesAreNoLines) {
 
 // Against the covariance of the very points, one by one.
 TEST(PatchPlane, AgreesWithTheBruteForceCovariance) {
-  constexpr int kReach = PatchSums::kReach, kWidth = 2 * kReach + 2;
+  constexpr int kReach = Patch::kReach, kWidth = 2 * kReach + 2;
   constexpr std::uint32_t kNow = 1'000'000, kSpan = 50'000;
   constexpr float kPerUs = 1e-4F;
   std::mt19937 rng(7);
@@ -171,7 +171,6 @@ TEST(PatchPlane, AgreesWithTheBruteForceCovariance) {
     std::array<std::uint32_t, kWidth * kWidth> stamps{};
     std::vector<Eigen::Vector3d> points;
     const double slope_x = 8000 * unit(rng), slope_y = 8000 * unit(rng);
-    PatchSums sums;
     for (int y = -kReach; y <= kReach; ++y) {
       std::uint32_t* row = &stamps[static_cast<std::size_t>((y + kReach) * kWidth)];
       for (int x = -kReach; x <= kReach; ++x) {
@@ -181,16 +180,16 @@ TEST(PatchPlane, AgreesWithTheBruteForceCovariance) {
         const std::uint32_t rounded = kNow - row[x + kReach];
         if (rounded <= kSpan) points.emplace_back(x, y, -kPerUs * rounded);
       }
-      sums.add_row(row + kReach, kNow, kSpan, kPerUs, static_cast<float>(y));
     }
-    ASSERT_EQ(sums.count(), std::ssize(points));
+    const Patch patch(&stamps[kReach * kWidth + kReach], kWidth, kNow, kSpan, kPerUs);
+    ASSERT_EQ(patch.count(), std::ssize(points));
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const auto& p : points) mean += p / static_cast<double>(points.size());
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
     for (const auto& p : points)
       covariance += (p - mean) * (p - mean).transpose() / static_cast<double>(points.size());
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
-    const auto plane = sums.plane();
+    const auto plane = patch.plane();
     ASSERT_TRUE(plane);
     EXPECT_NEAR(plane->planarity, 1 - eigen.eigenvalues()[0] / eigen.eigenvalues()[1], 1e-4);
     // Where two eigenvalues are nearly one, the normal is any direction between.

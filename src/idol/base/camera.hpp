@@ -48,6 +48,9 @@ class UndistortMap {
   }
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
+  [[nodiscard]] std::size_t pixels() const {
+    return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  }
   /// Velocity of an undistorted pixel of a static, far scene while the camera turns at `omega` (camera frame)
   /// [rad/s]; zero without a calibration [px/s].
   [[nodiscard]] Vec2 rotational_flow(const Vec2& px, const Vec3& omega) const;

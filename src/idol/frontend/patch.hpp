@@ -1,0 +1,69 @@
+// What a small patch of pixels knows of an edge that crosses it, without lists of neighbours.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+namespace idol {
+
+/// Plane through events of a small patch: unit normal in (x, y, t/c) and 1 - smallest/middle eigenvalue.
+struct PatchPlane {
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();
+  float planarity = 0;
+};
+
+/// The points of a patch of 7x7 pixels, one a pixel at most: its latest event. Coordinates [px, px, px of
+/// time] from the patch's centre. Rows are taken eight pixels at a time, the last of which is not used.
+class Patch {
+ public:
+  static constexpr int kReach = 3, kSize = 2 * kReach + 1, kLanes = 8;
+  /// `stamps` [us]: of the middle pixel, in rows of `stride`; 0 = no event. kReach more pixels each way are
+  /// read, and one more at the end of a row. Points older than `span` before `now` are left out; an age of 1
+  /// us counts as -`per_us` in time.
+  Patch(const std::uint32_t* stamps, std::ptrdiff_t stride, std::uint32_t now, std::uint32_t span,
+        float per_us);
+  [[nodiscard]] int count() const { return count_; }
+  /// nullopt for fewer than three points.
+  [[nodiscard]] std::optional<PatchPlane> plane() const;
+
+  using Row = std::array<std::int32_t, kLanes>;
+  using Column = std::array<float, kLanes>;
+  // For each pixel: all bits where it has a point, and the point's age [us].
+  std::array<Row, kSize> used, age;
+  // Sums over the rows: number, y, y^2, z, z y, z^2.
+  Row n, y, yy;
+  Column z, yz, zz;
+
+ private:
+  int count_ = 0;
+};
+
+/// What each pixel's latest look at its patch found: normal along the motion, image speed along it [px/s],
+/// and the cluster that its event belongs to (0 = none).
+struct LocalEdges {
+  explicit LocalEdges(std::size_t pixels)
+      : nx(pixels + Patch::kLanes),
+        ny(pixels + Patch::kLanes),
+        speed(pixels + Patch::kLanes),
+        cluster(pixels + Patch::kLanes) {}
+  std::vector<float> nx, ny, speed;
+  std::vector<std::uint32_t> cluster;
+};
+
+/// Limits for two edges that may be pieces of one line.
+struct EdgeLimits {
+  float cosine = 0;    ///< between their normals, at least
+  float distance = 0;  ///< of each event from the other's moving line, at most [px]
+};
+
+/// Pixels around the middle one (5x5) with points of the patch that belong to clusters and whose edges go on
+/// in the one found at `pixel`: a bit each, the lowest of a row that of dx = -Patch::kReach; rows from dy =
+/// -2 on.
+std::array<unsigned, 5> edges_alike(const Patch& patch, const LocalEdges& edges, std::size_t pixel,
+                                    std::ptrdiff_t stride, const EdgeLimits& limits);
+
+}  // namespace idol
