@@ -3,24 +3,94 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <iterator>
+#include <limits>
 
 #include "idol/base/lie.hpp"
+#include "idol/base/wide.hpp"
 
 namespace idol {
 namespace {
 
 using Vec6 = Eigen::Matrix<double, 6, 1>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
 
-// Terms of the model at an event; the sixth, u^2, only measures the bow.
-Vec6 terms(const MovingLine& line, const TimedPixel& event) {
-  const double u = line.along(event);
-  const double t = event.z() - line.time;
-  return (Vec6() << 1, u, t, u * t, t * t, u * u).finished();
+constexpr std::size_t kLanes = 4;
+using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
+using Mask [[gnu::vector_size(kLanes * sizeof(double))]] = std::int64_t;
+
+// Events relative to the line's origin and time, filled up to whole lanes with some that no gate lets in.
+struct Columns {
+  std::vector<double> x, y, t;
+  Columns(std::span<const TimedPixel> events, const MovingLine& line) {
+    const std::size_t n = (events.size() + kLanes - 1) / kLanes * kLanes;
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    x.resize(n, kNone), y.resize(n, kNone), t.resize(n, kNone);
+    for (std::size_t i = 0; i < events.size(); ++i) {
+      x[i] = events[i].x() - line.origin.x();
+      y[i] = events[i].y() - line.origin.y();
+      t[i] = events[i].z() - line.time;
+    }
+  }
+};
+
+// Sums of the model's terms, to the powers of u and t, over the events inside the gate.
+struct Sums {
+  Lanes n{}, u{}, t{}, uu{}, ut{}, tt{}, uuu{}, uut{}, utt{}, ttt{}, uuuu{}, uuut{}, uutt{}, uttt{}, tttt{};
+  Lanes w{}, wu{}, wt{}, wut{}, wtt{}, wuu{}, ww{};
+};
+
+// `u`: of each event, NaN where it is left out.
+IDOL_WIDE void add_up(const Columns& events, const MovingLine& line, double gate, Sums& out,
+                      std::vector<double>& along) {
+  const double dx = line.direction.x(), dy = line.direction.y();
+  const double c0 = line.c[0], c1 = line.c[1], c2 = line.c[2], c3 = line.c[3], c4 = line.c[4];
+  Sums sums;
+  for (std::size_t i = 0; i < events.x.size(); i += kLanes) {
+    Lanes x, y, all_t;
+    std::memcpy(&x, &events.x[i], sizeof x);
+    std::memcpy(&y, &events.y[i], sizeof y);
+    std::memcpy(&all_t, &events.t[i], sizeof all_t);
+    const Lanes all_u = dx * x + dy * y, all_w = dx * y - dy * x;
+    const Lanes off = all_w - (c0 + c1 * all_u + (c2 + c3 * all_u + c4 * all_t) * all_t);
+    const Mask in = (off <= gate) & (off >= -gate);
+    const auto u = (Lanes)((Mask)all_u & in), t = (Lanes)((Mask)all_t & in), w = (Lanes)((Mask)all_w & in);
+    const Mask marked = (Mask)u | ~in;  // all bits are a NaN
+    std::memcpy(&along[i], &marked, sizeof marked);
+    const Lanes uu = u * u, ut = u * t, tt = t * t;
+    sums.n -= __builtin_convertvector(in, Lanes);
+    sums.u += u, sums.t += t, sums.uu += uu, sums.ut += ut, sums.tt += tt;
+    sums.uuu += uu * u, sums.uut += uu * t, sums.utt += ut * t, sums.ttt += tt * t;
+    sums.uuuu += uu * uu, sums.uuut += uu * ut, sums.uutt += ut * ut, sums.uttt += ut * tt;
+    sums.tttt += tt * tt;
+    sums.w += w, sums.wu += w * u, sums.wt += w * t, sums.wut += w * ut, sums.wtt += w * tt;
+    sums.wuu += w * uu, sums.ww += w * w;
+  }
+  out = sums;
 }
 
-double across(const MovingLine& line, const TimedPixel& event) {
-  return cross(line.direction, event.head<2>() - line.origin);
-}
+double sum(const Lanes& lanes) { return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]); }
+
+// Normal equations of the model's terms (1, u, t, ut, t^2, u^2), the last of which only measures the bow.
+struct Normal {
+  Mat6 H;
+  Vec6 b;
+  double squares;
+  explicit Normal(const Sums& s) : squares(sum(s.ww)) {
+    const double uut = sum(s.uut), utt = sum(s.utt), ut = sum(s.ut), uu = sum(s.uu), tt = sum(s.tt);
+    const double u = sum(s.u), t = sum(s.t), uutt = sum(s.uutt), uuut = sum(s.uuut), uttt = sum(s.uttt);
+    const double ttt = sum(s.ttt), uuu = sum(s.uuu);
+    H << sum(s.n), u, t, ut, tt, uu,            //
+        u, uu, ut, uut, utt, uuu,               //
+        t, ut, tt, utt, ttt, uut,               //
+        ut, uut, utt, uutt, uttt, uuut,         //
+        tt, utt, ttt, uttt, sum(s.tttt), uutt,  //
+        uu, uuu, uut, uuut, uutt, sum(s.uuuu);
+    b << sum(s.w), sum(s.wu), sum(s.wt), sum(s.wut), sum(s.wtt), sum(s.wuu);
+  }
+};
 
 }  // namespace
 
@@ -30,8 +100,8 @@ double MovingLine::distance(const TimedPixel& event) const {
   const double u = along(event);
   const double t = event.z() - time;
   const double slope = c[1] + c[3] * t;
-  return (across(*this, event) - (c[0] + c[1] * u + (c[2] + c[3] * u) * t + c[4] * t * t)) /
-         std::sqrt(1 + slope * slope);
+  const double w = cross(direction, event.head<2>() - origin);
+  return (w - (c[0] + c[1] * u + (c[2] + c[3] * u) * t + c[4] * t * t)) / std::sqrt(1 + slope * slope);
 }
 
 Eigen::Vector2d MovingLine::point(double u, double t_s) const {
@@ -57,34 +127,22 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
   line.time = mean.z();
   line.direction = Eigen::Vector2d(normal.y(), -normal.x()).normalized();
   double gate = 1e9;
-  std::vector<double> feet;
-  feet.reserve(events.size());
-  Eigen::Matrix<double, 6, 6> H;
-  Vec6 b;
+  const Columns columns(events, line);
+  std::vector<double> along(columns.x.size());
   for (int round = 0; round < kRounds; ++round) {
     // Turn the frame onto the line found so far: the model is linear for small slopes only.
     line.direction =
         (line.direction + line.c[1] * Eigen::Vector2d(-line.direction.y(), line.direction.x())).normalized();
     line.c[1] = 0;
-    H.setZero();
-    b.setZero();
-    feet.clear();
-    double squares = 0;
-    for (const auto& e : events) {
-      const Vec6 a = terms(line, e);
-      const double w = across(line, e);
-      if (std::abs(w - line.c.dot(a.head<5>())) > gate) continue;
-      H += a * a.transpose();
-      b += a * w;
-      squares += w * w;
-      feet.push_back(a[1]);
-    }
-    if (feet.size() < 8) return std::nullopt;
+    Sums sums;
+    add_up(columns, line, gate, sums, along);
+    const auto [H, b, squares] = Normal(sums);
+    const double n = H(0, 0);
+    if (n < 8) return std::nullopt;
     // A little of the prior "no motion, no bend" keeps short spans from inventing them.
-    const double n = static_cast<double>(feet.size());
     const Vec6 scale = (H.diagonal() / n).cwiseSqrt().cwiseMax(1e-12);
     const Vec6 inverse = scale.cwiseInverse();
-    Eigen::Matrix<double, 6, 6> Hs = inverse.asDiagonal() * H * inverse.asDiagonal();
+    Mat6 Hs = inverse.asDiagonal() * H * inverse.asDiagonal();
     Hs.diagonal().array() += 1e-4 * n;
     const Vec6 bs = inverse.cwiseProduct(b);
     line.c = inverse.head<5>().cwiseProduct(Hs.topLeftCorner<5, 5>().ldlt().solve(bs.head<5>()));
@@ -92,6 +150,10 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
     line.rms_px = std::sqrt(std::max(0.0, left) / n);
     gate = std::clamp(2.5 * line.rms_px, 0.5 * gate_px, round == 0 ? 2 * gate_px : gate_px);
     if (round + 1 < kRounds) continue;
+    std::vector<double> feet;
+    feet.reserve(events.size());
+    std::copy_if(along.begin(), along.end(), std::back_inserter(feet),
+                 [](double u) { return !std::isnan(u); });
     const std::size_t cut = feet.size() / 50;
     const auto low = feet.begin() + static_cast<std::ptrdiff_t>(cut);
     const auto high = feet.end() - 1 - static_cast<std::ptrdiff_t>(cut);

@@ -6,12 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-// Compiled for AVX2 too, and chosen when the program starts: same bits, half the instructions.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define IDOL_WIDE [[gnu::target_clones("avx2", "default")]]
-#else
-#define IDOL_WIDE
-#endif
+#include "idol/base/wide.hpp"
 
 namespace idol {
 namespace {
