@@ -140,6 +140,44 @@ TEST(Consistency, TheCovarianceIsHonest) {
   EXPECT_LT(sum / kRuns, 12.4);
 }
 
+// Nothing but zero velocity and turning is known at rest: the gyro's bias follows, about the vertical too,
+// and the heading does not drift away.
+TEST(Consistency, ALongRestTellsTheBiasOfTheGyro) {
+  constexpr double kSeconds = 15, kRate = 500;
+  const Vec3 bias(0.006, -0.006, 0.006);
+  Rig rig;
+  rig.camera = {240, 180, 200, 200, 120, 90};
+  rig.imu.rate_hz = kRate;
+  std::mt19937 rng(8);
+  std::normal_distribution<double> normal;
+  const auto noise = [&](double density) {
+    return Vec3(density * std::sqrt(kRate) * Vec3(normal(rng), normal(rng), normal(rng)));
+  };
+  std::vector<ImuSample> samples;
+  for (int k = 0; k <= static_cast<int>((kSeconds + 0.2) * kRate); ++k)
+    samples.push_back({.t = from_seconds(k / kRate - 0.1),
+                       .accel = Vec3(0, 0, BackendOptions{}.gravity) + noise(rig.imu.accel_density),
+                       .gyro = bias + noise(rig.imu.gyro_density)});
+  FixedLag estimator(rig, honest_options());
+  estimator.start({}, true);
+  for (int w = 0; w < static_cast<int>(std::lround(kSeconds / kWindow)); ++w) {
+    const double begin = w * kWindow, end = begin + kWindow;
+    const auto from = static_cast<std::ptrdiff_t>((begin + 0.08) * kRate),
+               to = static_cast<std::ptrdiff_t>((end + 0.12) * kRate);
+    WindowMeasurement window;
+    window.still = true;
+    window.imu = std::make_shared<Preintegration>(
+        std::span(samples).subspan(static_cast<std::size_t>(from), static_cast<std::size_t>(to - from)),
+        from_seconds(begin), from_seconds(end), estimator.latest().bias, rig.imu, PreintegrationOptions{});
+    estimator.add(std::move(window));
+    estimator.solve();
+  }
+  const NavState& now = estimator.latest();
+  EXPECT_LT((now.bias.gyro - bias).norm(), 1.5e-3);
+  EXPECT_LT(quat_log(now.T_w_i.q).norm(), 0.02);  // the bias alone would turn it by 0.16 rad
+  EXPECT_LT(now.T_w_i.p.norm(), 0.02);
+}
+
 // Position and yaw of everything can be chosen freely: the measurements must not add information about them,
 // however many windows have gone into the prior at different linearisation points.
 TEST(Consistency, UnobservableDirectionsStayUnknown) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <set>
 
@@ -38,6 +39,18 @@ std::vector<SegmentedWindow> run(const std::vector<Event>& events, int width, in
   return out;
 }
 
+void sort(std::vector<Event>& events) {
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+}
+
+void add_noise(std::vector<Event>& events, double hz, double seconds, std::mt19937& rng) {
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int i = 0; i < static_cast<int>(hz * 240 * 180 * seconds); ++i)
+    events.push_back({from_seconds(unit(rng) * seconds), static_cast<std::uint16_t>(rng() % 240),
+                      static_cast<std::uint16_t>(rng() % 180), rng() % 2 == 0});
+  sort(events);
+}
+
 // A vertical edge 80 px long that moves to the right at `speed` px/s, and noise of `noise_hz` a pixel.
 std::vector<Event> edge(double speed, double seconds, double noise_hz) {
   std::mt19937 rng(3);
@@ -48,11 +61,7 @@ std::vector<Event> edge(double speed, double seconds, double noise_hz) {
       for (int k = 0; k < 2; ++k)
         events.push_back({from_seconds((x - 30 + unit(rng) * 0.8) / speed), static_cast<std::uint16_t>(x),
                           static_cast<std::uint16_t>(y), true});
-  const auto noise = static_cast<int>(noise_hz * 240 * 180 * seconds);
-  for (int i = 0; i < noise; ++i)
-    events.push_back({from_seconds(unit(rng) * seconds), static_cast<std::uint16_t>(rng() % 240),
-                      static_cast<std::uint16_t>(rng() % 180), rng() % 2 == 0});
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  add_noise(events, noise_hz, seconds, rng);
   return events;
 }
 
@@ -79,6 +88,33 @@ TEST(TrackSegments, OneEdgeIsOneLongTrackAlsoInNoise) {
     EXPECT_GT(line.length_px(), 70);
     EXPECT_NEAR(std::abs(line.direction.y()), 1, 1e-3);
   }
+}
+
+// It comes to rest and goes back: between, noise makes more events than the edge.
+TEST(TrackSegments, AnEdgeThatTurnsBackInNoiseIsOneTrack) {
+  constexpr double kSeconds = 1.6;
+  std::mt19937 rng(5);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Event> events;
+  int column = 60;
+  for (double t = 0; t < kSeconds; t += 1e-4) {
+    const double x = 60 + 70 * std::sin(std::numbers::pi * t / kSeconds);
+    if (static_cast<int>(x) == column) continue;
+    const bool right = static_cast<int>(x) > column;
+    const double speed =
+        std::max(5.0, 70 * std::numbers::pi / kSeconds * std::abs(std::cos(std::numbers::pi * t / kSeconds)));
+    for (int y = 40; y < 120; ++y)
+      for (int k = 0; k < 2; ++k)
+        events.push_back({from_seconds(t + 0.8 * unit(rng) / speed),
+                          static_cast<std::uint16_t>(right ? static_cast<int>(x) : column),
+                          static_cast<std::uint16_t>(y), right});
+    column = static_cast<int>(x);
+  }
+  add_noise(events, 5, kSeconds, rng);
+  std::set<LineId> seen;
+  for (const auto& window : run(events, 240, 180, 1000))
+    for (const Segment& s : window.segments) seen.insert(s.id);
+  EXPECT_EQ(seen.size(), 1U);
 }
 
 TEST(TrackSegments, PacketSizeChangesNothing) {
@@ -216,7 +252,7 @@ TEST(TrackSegments, KnownTurnsAreFollowedAtOnce) {
                           static_cast<std::uint16_t>(std::lround(x)), static_cast<std::uint16_t>(y),
                           t < kTurn});
   }
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  sort(events);
   std::vector<CameraRate> rates;
   for (double t = 0; t < 2 * kTurn; t += 0.001)
     rates.push_back({from_seconds(t), Vec3(0, t < kTurn ? -kRate : kRate, 0)});
@@ -242,7 +278,7 @@ TEST(TrackSegments, KnownTurnsAreFollowedAtOnce) {
 TEST(TrackSegments, SaysWhatBecameOfTheEvents) {
   auto events = edge(200, 0.8, 5);
   for (int k = 0; k < 20'000; ++k) events.push_back({from_seconds(k * 4e-5), 200, 20, true});  // a hot pixel
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t < b.t; });
+  sort(events);
   const UndistortMap undistort(240, 180);
   auto options = track_options();
   options.track.detect_rate = 1e4;

@@ -20,7 +20,7 @@ NavState perturbed(const NavState& s, const Eigen::VectorXd& d) {
   return out;
 }
 
-struct Scene {
+struct Setting {
   Projection projection;
   NavState state;
   ImuBias linearised_at;
@@ -29,9 +29,9 @@ struct Scene {
 };
 
 // A camera looking at a line two metres ahead, 40 ms after the window's begin.
-Scene random_scene(unsigned seed, const Vec2& px) {
+Setting random_scene(unsigned seed, const Vec2& px) {
   std::mt19937 rng(seed);
-  Scene s;
+  Setting s;
   s.projection.camera = {240, 180, 199, 198, 132, 110, Distortion::kNone, {}};
   s.projection.T_i_c = {quat_exp(test::random_vec3(rng, 0.2)), test::random_vec3(rng, 0.05)};
   const test::SineMotion motion{2.0};
@@ -48,9 +48,9 @@ Scene random_scene(unsigned seed, const Vec2& px) {
   return s;
 }
 
-using Row = std::function<LineResidual(const Scene&, const PointInCamera&, const PointInCamera&)>;
+using Row = std::function<LineResidual(const Setting&, const PointInCamera&, const PointInCamera&)>;
 
-void expect_line_jacobians(const Scene& scene, const Row& row, double tolerance) {
+void expect_line_jacobians(const Setting& scene, const Row& row, double tolerance) {
   const auto evaluate = [&](const NavState& state, const LineEnds& ends) {
     const auto a = TimedCamera(state, scene.event.motion, scene.linearised_at, scene.projection)({ends.a});
     const auto b = TimedCamera(state, scene.event.motion, scene.linearised_at, scene.projection)({ends.b});
@@ -75,10 +75,10 @@ void expect_line_jacobians(const Scene& scene, const Row& row, double tolerance)
 
 TEST(EventToLine, IsThePapersDistanceAndItsDerivative) {
   for (unsigned seed = 0; seed < 10; ++seed) {
-    const Scene s = random_scene(seed, Vec2(120, 90));
+    const Setting s = random_scene(seed, Vec2(120, 90));
     expect_line_jacobians(
         s,
-        [](const Scene& x, const auto& a, const auto& b) {
+        [](const Setting& x, const auto& a, const auto& b) {
           return event_to_line(x.event, a, b, x.projection.camera);
         },
         1e-5);
@@ -92,7 +92,7 @@ TEST(EventToLine, IsThePapersDistanceAndItsDerivative) {
 }
 
 TEST(EventToLine, SurvivesAnEndBehindTheCameraAndRefusesADegenerateLine) {
-  Scene s = random_scene(1, Vec2(120, 90));
+  Setting s = random_scene(1, Vec2(120, 90));
   const Pose T_w_c =
       predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity).T_w_i * s.projection.T_i_c;
   const Vec3 front = T_w_c * Vec3(0.1, 0.0, 2.0), direction = T_w_c.q * Vec3(0.3, 0.2, -1);
@@ -107,14 +107,14 @@ TEST(EventToLine, SurvivesAnEndBehindTheCameraAndRefusesADegenerateLine) {
 }
 
 TEST(Repulsion, DerivativesOnBothSidesAndZeroInside) {
-  const auto row = [](const Scene& x, const auto& a, const auto& b) {
+  const auto row = [](const Setting& x, const auto& a, const auto& b) {
     return repulsion(x.event, a, b, x.projection.camera);
   };
   for (unsigned seed = 0; seed < 5; ++seed) {
     for (const Vec2& px : {Vec2(20, 70), Vec2(230, 130)})
       expect_line_jacobians(random_scene(seed, px), row, 2e-5);
   }
-  const Scene s = random_scene(3, Vec2(130, 100));
+  const Setting s = random_scene(3, Vec2(130, 100));
   const auto a = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.a});
   const auto b = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.b});
   EXPECT_EQ(row(s, a, b).value, 0);
@@ -122,16 +122,16 @@ TEST(Repulsion, DerivativesOnBothSidesAndZeroInside) {
 
 TEST(Attraction, IsTheRootOfTheProjectedLength) {
   for (unsigned seed = 0; seed < 5; ++seed) {
-    const Scene s = random_scene(seed, Vec2(120, 90));
+    const Setting s = random_scene(seed, Vec2(120, 90));
     expect_line_jacobians(
-        s, [](const Scene& x, const auto& a, const auto& b) { return attraction(a, b, x.projection.camera); },
+        s, [](const Setting& x, const auto& a, const auto& b) { return attraction(a, b, x.projection.camera); },
         1e-6);
   }
 }
 
 TEST(ImuResidual, IsZeroAtThePredictionAndDifferentiatesRight) {
   std::mt19937 rng(7);
-  const Scene s = random_scene(2, Vec2(0, 0));
+  const Setting s = random_scene(2, Vec2(0, 0));
   const Vec3 g = s.projection.gravity;
   const NavState exact = predict(s.state, s.event.motion, s.linearised_at, g);
   EXPECT_LT(imu_residual(s.state, exact, s.event.motion, s.linearised_at, g).value.norm(), 1e-12);
@@ -152,7 +152,7 @@ TEST(ImuResidual, IsZeroAtThePredictionAndDifferentiatesRight) {
 
 // Position, yaw of the world: nothing the estimator measures may depend on them.
 TEST(Residuals, AreBlindToTheFourUnobservableDirections) {
-  const Scene s = random_scene(4, Vec2(120, 90));
+  const Setting s = random_scene(4, Vec2(120, 90));
   const auto a = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.a});
   const auto b = TimedCamera(s.state, s.event.motion, s.linearised_at, s.projection)({s.ends.b});
   const LineResidual line = event_to_line(s.event, a, b, s.projection.camera);
@@ -203,7 +203,7 @@ std::vector<double> values(const Eigen::VectorXd& v) { return {v.begin(), v.end(
 TEST(Costs, PassCeresGradientChecker) {
   const PoseManifold pose_manifold;
   const TiltManifold tilt_manifold;
-  const Scene s = random_scene(6, Vec2(25, 70));
+  const Setting s = random_scene(6, Vec2(25, 70));
   const StateParameters from = to_parameters(s.state);
   NavState next = predict(s.state, s.event.motion, s.linearised_at, s.projection.gravity);
   next.T_w_i.p += Vec3(0.01, 0.02, -0.01);

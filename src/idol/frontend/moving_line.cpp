@@ -17,15 +17,15 @@ namespace {
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
-constexpr std::size_t kLanes = 4;
-using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
-using Mask [[gnu::vector_size(kLanes * sizeof(double))]] = std::int64_t;
+constexpr std::size_t kDoubles = 4;
+using Doubles [[gnu::vector_size(kDoubles * sizeof(double))]] = double;
+using Mask [[gnu::vector_size(kDoubles * sizeof(double))]] = std::int64_t;
 
-// Events relative to the line's origin and time, filled up to whole lanes with some that no gate lets in.
+// Events relative to the line's origin and time, filled up to whole registers with some that no gate lets in.
 struct Columns {
   std::vector<double> x, y, t;
   Columns(std::span<const TimedPixel> events, const MovingLine& line) {
-    const std::size_t n = (events.size() + kLanes - 1) / kLanes * kLanes;
+    const std::size_t n = (events.size() + kDoubles - 1) / kDoubles * kDoubles;
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
     x.resize(n, kNone), y.resize(n, kNone), t.resize(n, kNone);
     for (std::size_t i = 0; i < events.size(); ++i) {
@@ -38,8 +38,8 @@ struct Columns {
 
 // Sums of the model's terms, to the powers of u and t, over the events inside the gate.
 struct Sums {
-  Lanes n{}, u{}, t{}, uu{}, ut{}, tt{}, uuu{}, uut{}, utt{}, ttt{}, uuuu{}, uuut{}, uutt{}, uttt{}, tttt{};
-  Lanes w{}, wu{}, wt{}, wut{}, wtt{}, wuu{}, ww{};
+  Doubles n{}, u{}, t{}, uu{}, ut{}, tt{}, uuu{}, uut{}, utt{}, ttt{}, uuuu{}, uuut{}, uutt{}, uttt{}, tttt{};
+  Doubles w{}, wu{}, wt{}, wut{}, wtt{}, wuu{}, ww{};
 };
 
 // `u`: of each event, NaN where it is left out.
@@ -48,19 +48,19 @@ IDOL_WIDE void add_up(const Columns& events, const MovingLine& line, double gate
   const double dx = line.direction.x(), dy = line.direction.y();
   const double c0 = line.c[0], c1 = line.c[1], c2 = line.c[2], c3 = line.c[3], c4 = line.c[4];
   Sums sums;
-  for (std::size_t i = 0; i < events.x.size(); i += kLanes) {
-    Lanes x, y, all_t;
+  for (std::size_t i = 0; i < events.x.size(); i += kDoubles) {
+    Doubles x, y, all_t;
     std::memcpy(&x, &events.x[i], sizeof x);
     std::memcpy(&y, &events.y[i], sizeof y);
     std::memcpy(&all_t, &events.t[i], sizeof all_t);
-    const Lanes all_u = dx * x + dy * y, all_w = dx * y - dy * x;
-    const Lanes off = all_w - (c0 + c1 * all_u + (c2 + c3 * all_u + c4 * all_t) * all_t);
+    const Doubles all_u = dx * x + dy * y, all_w = dx * y - dy * x;
+    const Doubles off = all_w - (c0 + c1 * all_u + (c2 + c3 * all_u + c4 * all_t) * all_t);
     const Mask in = (off <= gate) & (off >= -gate);
-    const auto u = (Lanes)((Mask)all_u & in), t = (Lanes)((Mask)all_t & in), w = (Lanes)((Mask)all_w & in);
+    const auto u = (Doubles)((Mask)all_u & in), t = (Doubles)((Mask)all_t & in), w = (Doubles)((Mask)all_w & in);
     const Mask marked = (Mask)u | ~in;  // all bits are a NaN
     std::memcpy(&along[i], &marked, sizeof marked);
-    const Lanes uu = u * u, ut = u * t, tt = t * t;
-    sums.n -= __builtin_convertvector(in, Lanes);
+    const Doubles uu = u * u, ut = u * t, tt = t * t;
+    sums.n -= __builtin_convertvector(in, Doubles);
     sums.u += u, sums.t += t, sums.uu += uu, sums.ut += ut, sums.tt += tt;
     sums.uuu += uu * u, sums.uut += uu * t, sums.utt += ut * t, sums.ttt += tt * t;
     sums.uuuu += uu * uu, sums.uuut += uu * ut, sums.uutt += ut * ut, sums.uttt += ut * tt;
@@ -71,7 +71,7 @@ IDOL_WIDE void add_up(const Columns& events, const MovingLine& line, double gate
   out = sums;
 }
 
-double sum(const Lanes& lanes) { return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]); }
+double sum(const Doubles& lanes) { return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]); }
 
 // Normal equations of the model's terms (1, u, t, ut, t^2, u^2), the last of which only measures the bow.
 struct Normal {

@@ -10,7 +10,7 @@
 namespace idol {
 namespace {
 
-constexpr Rgb kUnclaimed{190, 190, 190};
+constexpr Rgb kPaleEvent{190, 190, 190};
 
 /// Ink that stands out on white; a line keeps its own in all windows.
 Rgb print_colour(LineId id) {
@@ -99,7 +99,7 @@ Figure event_figure(const FigureSource& source, double width) {
   plot.equal = plot.y_down = plot.plain = true;
   // kNoLine comes first: below the others.
   for (const auto& [id, points] : events)
-    plot.curves.push_back(dots_of(points, {id == kNoLine ? kUnclaimed : print_colour(id)}));
+    plot.curves.push_back(dots_of(points, {id == kNoLine ? kPaleEvent : print_colour(id)}));
   if (const auto T_w_c = pose_at(run.camera, window->t)) {
     const Pose T_c_w = T_w_c->inverse();
     for (const Line& line : run.lines) {
