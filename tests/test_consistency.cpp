@@ -71,6 +71,16 @@ BackendOptions honest_options() {
   return options;
 }
 
+// The IMU of a window that begins at `begin`, out of samples from -0.1 s on.
+std::shared_ptr<const Preintegration> integrate(std::span<const ImuSample> samples, double begin,
+                                                const ImuBias& bias, const ImuNoise& noise) {
+  const double end = begin + kWindow;
+  const auto from = static_cast<std::size_t>((begin + 0.08) * noise.rate_hz),
+             to = static_cast<std::size_t>((end + 0.12) * noise.rate_hz);
+  return std::make_shared<Preintegration>(samples.subspan(from, to - from), from_seconds(begin),
+                                          from_seconds(end), bias, noise, PreintegrationOptions{});
+}
+
 // Runs the estimator over some seconds from a first state that is off by what its prior allows.
 FixedLag run(const World& world, const BackendOptions& options, double seconds, std::mt19937& rng) {
   std::normal_distribution<double> normal;
@@ -86,14 +96,9 @@ FixedLag run(const World& world, const BackendOptions& options, double seconds, 
   const auto samples =
       world.motion.readings(-0.1, seconds + 0.1, world.rig.imu.rate_hz, world.bias, &world.rig.imu, rng());
   for (int w = 0; w < static_cast<int>(std::lround(seconds / kWindow)); ++w) {
-    const double begin = w * kWindow, end = begin + kWindow;
-    const auto from = static_cast<std::ptrdiff_t>((begin + 0.08) * world.rig.imu.rate_hz),
-               to = static_cast<std::ptrdiff_t>((end + 0.12) * world.rig.imu.rate_hz);
+    const double begin = w * kWindow;
     WindowMeasurement window;
-    window.imu = std::make_shared<Preintegration>(
-        std::span(samples).subspan(static_cast<std::size_t>(from), static_cast<std::size_t>(to - from)),
-        from_seconds(begin), from_seconds(end), estimator.latest().bias, world.rig.imu,
-        PreintegrationOptions{});
+    window.imu = integrate(samples, begin, estimator.latest().bias, world.rig.imu);
     const auto middle = [&](int k) { return begin + (k + 0.5) * kWindow / kBins; };
     for (int k = 0; k < kBins; ++k) window.bin_motions.push_back(window.imu->at(from_seconds(middle(k))));
     for (std::size_t id = 0; id < world.lines.size(); ++id) {
@@ -161,14 +166,9 @@ TEST(Consistency, ALongRestTellsTheBiasOfTheGyro) {
   FixedLag estimator(rig, honest_options());
   estimator.start({}, true);
   for (int w = 0; w < static_cast<int>(std::lround(kSeconds / kWindow)); ++w) {
-    const double begin = w * kWindow, end = begin + kWindow;
-    const auto from = static_cast<std::ptrdiff_t>((begin + 0.08) * kRate),
-               to = static_cast<std::ptrdiff_t>((end + 0.12) * kRate);
     WindowMeasurement window;
     window.still = true;
-    window.imu = std::make_shared<Preintegration>(
-        std::span(samples).subspan(static_cast<std::size_t>(from), static_cast<std::size_t>(to - from)),
-        from_seconds(begin), from_seconds(end), estimator.latest().bias, rig.imu, PreintegrationOptions{});
+    window.imu = integrate(samples, w * kWindow, estimator.latest().bias, rig.imu);
     estimator.add(std::move(window));
     estimator.solve();
   }

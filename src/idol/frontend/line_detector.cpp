@@ -96,7 +96,7 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
   const Eigen::Vector2d px = (*undistort_)(event.x, event.y).cast<double>();
   Cluster* mine = nullptr;
   std::uint32_t same = 0;  // names it in most pixels around
-  const std::uint32_t* row = &edges.cluster[pixel] - 2 * width_ - kReach;
+  const std::uint32_t* row = &edges.cluster[pixel] - kAlikeReach * width_ - kReach;
   for (unsigned bits : edges_alike(patch, edges, pixel, width_, kAlike)) {
     for (; bits != 0; bits &= bits - 1) {
       const std::uint32_t other = row[std::countr_zero(bits)];

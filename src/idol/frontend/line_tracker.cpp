@@ -58,7 +58,7 @@ struct LineTracker::Candidate {
 LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undistort)
     : options_(options), undistort_(&undistort), detector_(undistort) {
   const int w = undistort.width(), h = undistort.height();
-  const std::size_t pixels = static_cast<std::size_t>(w) * static_cast<std::size_t>(h);
+  const std::size_t pixels = undistort.pixels();
   // Strong distortion can throw the corners far out: cells beyond twice the sensor are of no use.
   Eigen::Vector2f low(1e9F, 1e9F), high(-1e9F, -1e9F);
   const Eigen::Vector2f size(static_cast<float>(w), static_cast<float>(h));

@@ -50,6 +50,7 @@ IDOL_WIDE void sum_patch(Patch& patch, const std::uint32_t* stamps, std::ptrdiff
                          std::uint32_t span, float per_us) {
   constexpr Ints kUsed{-1, -1, -1, -1, -1, -1, -1, 0};
   constexpr int kReach = Patch::kReach;
+  static_assert(kReach == 3);
   Ints n{}, n1{}, n2{};  // number, sum of the sums up to each row, and of the sums of these
   Lanes z{}, yz{}, zz{};
   for (int row = 0; row < Patch::kSize; ++row) {
@@ -71,13 +72,14 @@ IDOL_WIDE void sum_patch(Patch& patch, const std::uint32_t* stamps, std::ptrdiff
 }
 
 IDOL_WIDE void mark_alike(const Patch& patch, const LocalEdges& edges, std::size_t pixel,
-                          std::ptrdiff_t stride, const EdgeLimits& limits, std::array<unsigned, 5>& out) {
-  constexpr int kNear = 2;
+                          std::ptrdiff_t stride, const EdgeLimits& limits,
+                          std::array<unsigned, 2 * kAlikeReach + 1>& out) {
+  static_assert(kAlikeReach == 2 && Patch::kReach == 3);
   constexpr Ints kUsed{0, -1, -1, -1, -1, -1, 0, 0}, kBit{1, 2, 4, 8, 16, 32, 64, 128};
   constexpr Lanes kX{3, 2, 1, 0, -1, -2, -3, -4};  // of the middle, from each pixel
   const float nx = edges.nx[pixel], ny = edges.ny[pixel], speed = edges.speed[pixel];
   const auto load = [&](auto& lanes, const auto* from) { std::memcpy(&lanes, from, kBytes); };
-  for (int dy = -kNear; dy <= kNear; ++dy) {
+  for (int dy = -kAlikeReach; dy <= kAlikeReach; ++dy) {
     const auto row = static_cast<std::size_t>(dy + Patch::kReach);
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(pixel) + dy * stride - Patch::kReach;
     Ints use, age, cluster;
@@ -94,8 +96,8 @@ IDOL_WIDE void mark_alike(const Patch& patch, const LocalEdges& edges, std::size
                        (theirs >= -limits.distance);
     const Ints bits = alike & kBit;
     unsigned sum = 0;
-    for (int k = 1; k <= 2 * kNear + 1; ++k) sum |= static_cast<unsigned>(bits[k]);
-    out[static_cast<std::size_t>(dy + kNear)] = sum;
+    for (int k = 1; k <= 2 * kAlikeReach + 1; ++k) sum |= static_cast<unsigned>(bits[k]);
+    out[static_cast<std::size_t>(dy + kAlikeReach)] = sum;
   }
 }
 
@@ -123,9 +125,10 @@ std::optional<PatchPlane> Patch::plane() const {
   return plane_of(covariance / count_ - mean * mean.transpose());
 }
 
-std::array<unsigned, 5> edges_alike(const Patch& patch, const LocalEdges& edges, std::size_t pixel,
-                                    std::ptrdiff_t stride, const EdgeLimits& limits) {
-  std::array<unsigned, 5> out;
+std::array<unsigned, 2 * kAlikeReach + 1> edges_alike(const Patch& patch, const LocalEdges& edges,
+                                                      std::size_t pixel, std::ptrdiff_t stride,
+                                                      const EdgeLimits& limits) {
+  std::array<unsigned, 2 * kAlikeReach + 1> out;
   mark_alike(patch, edges, pixel, stride, limits, out);
   return out;
 }

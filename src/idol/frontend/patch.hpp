@@ -54,16 +54,20 @@ struct LocalEdges {
   std::vector<std::uint32_t> cluster;
 };
 
+/// How far around a pixel its edge may go on [px].
+constexpr int kAlikeReach = 2;
+
 /// Limits for two edges that may be pieces of one line.
 struct EdgeLimits {
   float cosine = 0;    ///< between their normals, at least
   float distance = 0;  ///< of each event from the other's moving line, at most [px]
 };
 
-/// Pixels around the middle one (5x5) with points of the patch that belong to clusters and whose edges go on
-/// in the one found at `pixel`: a bit each, the lowest of a row that of dx = -Patch::kReach; rows from dy =
-/// -2 on.
-std::array<unsigned, 5> edges_alike(const Patch& patch, const LocalEdges& edges, std::size_t pixel,
-                                    std::ptrdiff_t stride, const EdgeLimits& limits);
+/// Pixels up to kAlikeReach from the middle one with points of the patch that belong to clusters and whose
+/// edges go on in the one found at `pixel`: a number a row, in it a bit each, the lowest that of dx =
+/// -Patch::kReach.
+std::array<unsigned, 2 * kAlikeReach + 1> edges_alike(const Patch& patch, const LocalEdges& edges,
+                                                      std::size_t pixel, std::ptrdiff_t stride,
+                                                      const EdgeLimits& limits);
 
 }  // namespace idol
