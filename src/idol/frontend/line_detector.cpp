@@ -58,40 +58,60 @@ void LineDetector::merge(Cluster& into, Cluster& from) {
   from.merged_into = into.serial;
 }
 
-void LineDetector::begin_batch(double most) {
+void LineDetector::begin_batch(double most, double c, double min_length) {
+  c_ = c, min_length_ = min_length;
+  seeds_.clear();
   stride_ = 1 + static_cast<std::int64_t>(static_cast<double>(candidates_) / std::max(1.0, most));
   candidates_ = 0;
 }
 
-std::optional<LineSeed> LineDetector::add(const Event& event, double c, double min_length) {
+void LineDetector::add(const Event& event) {
   LocalEdges& edges = edges_[event.polarity ? 1 : 0];
   auto& stamps = stamps_[event.polarity ? 1 : 0];
   const std::uint32_t now = to_us(event.t);
   const std::size_t pixel = static_cast<std::size_t>(event.y) * width_ + event.x;
-  const auto pixel_us = static_cast<std::uint32_t>(c * 1e6);
-  if (stamps[pixel] != 0 && now - stamps[pixel] < 2 * pixel_us)
-    return std::nullopt;  // later event of the same passage
+  const auto pixel_us = static_cast<std::uint32_t>(c_ * 1e6);
+  if (stamps[pixel] != 0 && now - stamps[pixel] < 2 * pixel_us) return;  // later event of the same passage
   stamps[pixel] = now == 0 ? 1 : now;
   edges.cluster[pixel] = 0;
   constexpr int kReach = Patch::kReach;
   if (event.x < kReach || event.y < kReach || event.x >= width_ - kReach || event.y >= height_ - kReach)
-    return std::nullopt;
+    return;
 
   if (candidates_++ % stride_ != 0) {
     ++skipped_;
-    return std::nullopt;
+    return;
   }
-  const Patch patch(&stamps[pixel], width_, now, 5 * pixel_us, static_cast<float>(1e-6 / c));
-  if (patch.count() < kMinPatch) return std::nullopt;
-  const auto plane = patch.plane();
-  if (!plane || plane->planarity < kMinPlanarity) return std::nullopt;
-  Eigen::Vector3f n = plane->normal;
+  Patch& patch = patches_[waiting_];
+  patch = Patch(&stamps[pixel], width_, now, 5 * pixel_us, static_cast<float>(1e-6 / c_));
+  if (patch.count() < kMinPatch) return;
+  events_[waiting_] = event;
+  if (++waiting_ == kPlanesAtOnce) grow_waiting();
+}
+
+std::span<const LineSeed> LineDetector::end_batch() {
+  grow_waiting();
+  return seeds_;
+}
+
+void LineDetector::grow_waiting() {
+  std::array<PatchPlane, kPlanesAtOnce> planes;
+  fit_planes(std::span(patches_).first(waiting_), planes);
+  for (std::size_t k = 0; k < waiting_; ++k)
+    if (planes[k].planarity >= kMinPlanarity) grow(events_[k], patches_[k], planes[k].normal);
+  waiting_ = 0;
+}
+
+void LineDetector::grow(const Event& event, const Patch& patch, Eigen::Vector3f n) {
+  LocalEdges& edges = edges_[event.polarity ? 1 : 0];
+  const std::size_t pixel = static_cast<std::size_t>(event.y) * width_ + event.x;
+  constexpr int kReach = Patch::kReach;
   const float across = n.head<2>().norm();
-  if (across < 0.15F || std::abs(n.z()) < 0.02F) return std::nullopt;
+  if (across < 0.15F || std::abs(n.z()) < 0.02F) return;
   if (n.z() > 0) n = -n;
   edges.nx[pixel] = n.x() / across;
   edges.ny[pixel] = n.y() / across;
-  edges.speed[pixel] = -n.z() / across / static_cast<float>(c);
+  edges.speed[pixel] = -n.z() / across / static_cast<float>(c_);
 
   const Eigen::Vector2d px = (*undistort_)(event.x, event.y).cast<double>();
   Cluster* mine = nullptr;
@@ -117,7 +137,7 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
     row += width_;
   }
   // What has travelled for long without becoming a line is none, or has changed its motion.
-  if (mine && seconds_between(mine->t0, event.t) > 14 * c) mine = nullptr;
+  if (mine && seconds_between(mine->t0, event.t) > 14 * c_) mine = nullptr;
   if (!mine) mine = &create(px, event.t);
   edges.cluster[pixel] = mine->serial;
   Eigen::Vector3d d;
@@ -125,31 +145,32 @@ std::optional<LineSeed> LineDetector::add(const Event& event, double c, double m
   ++mine->n;
   mine->s += d;
   mine->m += d * d.transpose();
-  if (mine->n < kMinCluster || mine->n < mine->tested + 8) return std::nullopt;
+  if (mine->n < kMinCluster || mine->n < mine->tested + 8) return;
   mine->tested = mine->n;
-  return test(*mine, event.t, c, min_length);
+  test(*mine, event.t);
 }
 
-std::optional<LineSeed> LineDetector::test(Cluster& cluster, Time now, double c, double min_length) const {
+void LineDetector::test(Cluster& cluster, Time now) {
   const Eigen::Vector3d mean = cluster.s / cluster.n;
   Eigen::Matrix3d cov = cluster.m / cluster.n - mean * mean.transpose();
-  const Eigen::Vector3d scale(1, 1, 1 / c);
+  const Eigen::Vector3d scale(1, 1, 1 / c_);
   cov = scale.asDiagonal() * cov * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(cov);
   Eigen::Vector3d n = eigen.eigenvectors().col(0);
   const double across = n.head<2>().norm();
-  if (across < 0.15) return std::nullopt;
-  if (std::sqrt(std::max(0.0, eigen.eigenvalues()[0])) / across > kMaxThickness) return std::nullopt;
+  if (across < 0.15) return;
+  if (std::sqrt(std::max(0.0, eigen.eigenvalues()[0])) / across > kMaxThickness) return;
   LineSeed seed;
   seed.normal = n.head<2>() / across;
-  seed.speed = -n.z() / across / c;
+  seed.speed = -n.z() / across / c_;
   const Eigen::Vector2d dir(-seed.normal.y(), seed.normal.x());
   seed.length = std::sqrt(12 * dir.dot(cov.topLeftCorner<2, 2>() * dir));
-  if (seed.length < min_length) return std::nullopt;
+  if (seed.length < min_length_) return;
   seed.centre = cluster.origin + mean.head<2>() +
                 seed.normal * seed.speed * (seconds_between(cluster.t0, now) - mean.z());
+  seed.time = now;
+  seeds_.push_back(seed);
   cluster.serial = 0;  // done: its cells find nothing any more
-  return seed;
 }
 
 }  // namespace idol

@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
-#include <optional>
+#include <span>
 #include <vector>
 
 #include "idol/base/camera.hpp"
@@ -14,8 +14,9 @@
 
 namespace idol {
 
-/// A straight cluster found: where it is now and how it moves along its normal.
+/// A straight cluster found: where it was at that time and how it moves along its normal.
 struct LineSeed {
+  Time time = 0;
   Eigen::Vector2d centre, normal;  ///< [px], unit
   double speed = 0;                ///< along the normal [px/s]
   double length = 0;               ///< [px]
@@ -24,9 +25,9 @@ struct LineSeed {
 class LineDetector {
  public:
   explicit LineDetector(const UndistortMap& undistort);
-  /// Before each batch: how many events of it may be looked at closely. When the batch before had more, only
-  /// every second (third, ...) one is.
-  void begin_batch(double most);
+  /// Before each batch: how many events of it may be looked at closely (when the batch before had more, only
+  /// every second, third, ... one is), the time that counts as a pixel [s/px], and the shortest line [px].
+  void begin_batch(double most, double c, double min_length);
   /// Events that were left out for this, by now.
   [[nodiscard]] std::int64_t skipped() const { return skipped_; }
   /// Fetches the memory that an event will need.
@@ -36,8 +37,10 @@ class LineDetector {
     __builtin_prefetch(&stamps[pixel]);
     __builtin_prefetch(&edges_[event.polarity ? 1 : 0].cluster[pixel]);
   }
-  /// Takes an unclaimed event; a seed when it completes one. `c`: time that counts as a pixel [s/px].
-  std::optional<LineSeed> add(const Event& event, double c, double min_length);
+  /// Takes an unclaimed event.
+  void add(const Event& event);
+  /// What the batch's events completed, until the next batch.
+  [[nodiscard]] std::span<const LineSeed> end_batch();
 
  private:
   // Moments of a cluster's points (x, y [px], t [s]) relative to its first.
@@ -53,7 +56,9 @@ class LineDetector {
   Cluster* find(std::uint32_t serial);
   Cluster& create(const Eigen::Vector2d& px, Time t);
   void merge(Cluster& into, Cluster& from);
-  std::optional<LineSeed> test(Cluster& cluster, Time now, double c, double min_length) const;
+  void grow_waiting();
+  void grow(const Event& event, const Patch& patch, Eigen::Vector3f normal);
+  void test(Cluster& cluster, Time now);
 
   const UndistortMap* undistort_;
   int width_, height_;
@@ -63,6 +68,12 @@ class LineDetector {
   std::uint32_t next_serial_ = 1;
   std::int64_t candidates_ = 0, stride_ = 1;  // of this batch; of how many candidates one is looked at
   std::int64_t skipped_ = 0;
+  double c_ = 0, min_length_ = 0;
+  // Events with their patches, until there are enough for planes at once.
+  std::array<Event, kPlanesAtOnce> events_;
+  std::array<Patch, kPlanesAtOnce> patches_;
+  std::size_t waiting_ = 0;
+  std::vector<LineSeed> seeds_;
 };
 
 }  // namespace idol

@@ -275,7 +275,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   const auto support = static_cast<std::uint32_t>(std::clamp(std::min(4 * c_, by_chance), 0.005, 0.05) * 1e6);
   const int h = undistort_->height();
   int alone = 0;
-  detector_.begin_batch(options_.detect_rate * std::max(1e-3, seconds_between(begin, end)));
+  detector_.begin_batch(options_.detect_rate * std::max(1e-3, seconds_between(begin, end)), c_,
+                        options_.min_length_px);
   for (std::size_t k = 0; k < rest.size(); ++k) {
     detector_.prefetch(events[rest[std::min(k + kAhead, rest.size() - 1)]]);
     const Event& e = events[rest[k]];
@@ -298,8 +299,9 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
       ++unsupported_;
       continue;
     }
-    if (const auto found = detector_.add(e, c_, options_.min_length_px)) seed(*found, e.t);
+    detector_.add(e);
   }
+  for (const LineSeed& found : detector_.end_batch()) seed(found);
   if (duration > 0) {
     // Noise has no neighbours, but by chance.
     const double chance = std::exp(-4 * background_ * 1e-6 * support);

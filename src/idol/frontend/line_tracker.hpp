@@ -119,7 +119,7 @@ class LineTracker {
   void confirm(LineTrack& track, Time now);
   static void count_end(LineTrack::EndCounts& counts, float beyond);
   static double move_end(LineTrack::EndCounts& counts, float density);
-  void seed(const LineSeed& seed, Time now);
+  void seed(const LineSeed& seed);
   void carry_lost(Time now);
   void merge_lines(Time now);
   void adapt_scale();

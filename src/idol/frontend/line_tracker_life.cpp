@@ -177,7 +177,8 @@ void LineTracker::part(LineTrack& track, Time now) {
   parted_.push_back(std::move(other));
 }
 
-void LineTracker::seed(const LineSeed& seed, Time now) {
+void LineTracker::seed(const LineSeed& seed) {
+  const Time now = seed.time;
   if (std::ssize(tracks_) >= options_.max_lines) return;
   LineTrack track;
   track.centre = seed.centre;

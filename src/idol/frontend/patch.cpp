@@ -1,7 +1,5 @@
 #include "idol/frontend/patch.hpp"
 
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -15,35 +13,67 @@ constexpr std::size_t kBytes = Patch::kLanes * sizeof(float);
 using Ints [[gnu::vector_size(kBytes)]] = std::int32_t;
 using Lanes [[gnu::vector_size(kBytes)]] = float;
 
-// Least eigenvalue by Newton's method on the characteristic polynomial, from 0 on: it is convex up to there,
-// so the steps never pass it. Its vector is across two rows of A - lambda I. Ten times the speed of a general
-// solver.
-PatchPlane plane_of(const Eigen::Matrix3d& A) {
-  constexpr int kSteps = 12;
-  const double trace = A.trace(), det = A.determinant();
-  const double minors = A(0, 0) * A(1, 1) - A(0, 1) * A(0, 1) + A(0, 0) * A(2, 2) - A(0, 2) * A(0, 2) +
-                        A(1, 1) * A(2, 2) - A(1, 2) * A(1, 2);
-  double least = 0;
-  for (int k = 0; k < kSteps; ++k) {
-    const double value = det - least * (minors - least * (trace - least));
-    const double slope = minors - least * (2 * trace - 3 * least);
-    if (!(slope > 1e-12 * trace * trace)) break;
-    const double step = value / slope;
-    least += step;
-    if (std::abs(step) < 1e-9 * trace) break;
+// The sums of four vectors' lanes, in the first four lanes of the last.
+template <class V>
+[[gnu::always_inline]] inline void sum_each(const V& a, const V& b, const V& c, const V& d, V& out) {
+  constexpr Ints kEven{0, 8, 2, 10, 4, 12, 6, 14}, kOdd{1, 9, 3, 11, 5, 13, 7, 15};
+  const V ab = __builtin_shuffle(a, b, kEven) + __builtin_shuffle(a, b, kOdd);
+  const V cd = __builtin_shuffle(c, d, kEven) + __builtin_shuffle(c, d, kOdd);
+  out = __builtin_shuffle(ab, cd, Ints{0, 1, 8, 9, 4, 5, 12, 13}) +
+        __builtin_shuffle(ab, cd, Ints{2, 3, 10, 11, 6, 7, 14, 15});
+  out += __builtin_shuffle(out, Ints{4, 5, 6, 7, 0, 1, 2, 3});
+}
+
+// One plane a lane. The least eigenvalue is by Laguerre's method on the characteristic polynomial, from 0 on:
+// its roots are real, so no step passes the first, and two or three do. Its vector is any column of the
+// adjugate of A - lambda I; the longest has the largest diagonal element.
+struct PlaneLanes {
+  using Values = std::array<double, kPlanesAtOnce>;
+  Values n{}, x{}, y{}, xx{}, xy{}, yy{}, z{}, xz{}, yz{}, zz{};  // sums
+  Values nx{}, ny{}, nz{}, planarity{};
+};
+
+IDOL_WIDE void fit_lanes(PlaneLanes& lanes) {
+  constexpr int kSteps = 4;
+  for (std::size_t k = 0; k < kPlanesAtOnce; ++k) {
+    const double share = lanes.n[k] >= 3 ? 1 / lanes.n[k] : 0;
+    const double x = share * lanes.x[k], y = share * lanes.y[k], z = share * lanes.z[k];
+    double xx = share * lanes.xx[k] - x * x, yy = share * lanes.yy[k] - y * y,
+           zz = share * lanes.zz[k] - z * z;
+    const double xy = share * lanes.xy[k] - x * y, xz = share * lanes.xz[k] - x * z,
+                 yz = share * lanes.yz[k] - y * z;
+    const double trace = xx + yy + zz;
+    const double minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
+    const double det = xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy);
+    double least = 0;
+    for (int step = 0; step < kSteps; ++step) {
+      const double value = det - least * (minors - least * (trace - least));
+      const double slope = minors - least * (2 * trace - 3 * least);
+      const double inside = 4 * slope * slope - 6 * value * (2 * trace - 6 * least);
+      const double below = slope + std::sqrt(inside > 0 ? inside : 0);
+      least += below > 1e-12 * trace * trace ? 3 * value / below : 0;
+    }
+    const double sum = trace - least, product = minors - least * sum, apart = sum * sum / 4 - product;
+    const double middle = sum / 2 - std::sqrt(apart > 0 ? apart : 0);
+    xx -= least, yy -= least, zz -= least;
+    const double a_xx = yy * zz - yz * yz, a_yy = xx * zz - xz * xz, a_zz = xx * yy - xy * xy;
+    const double a_xy = xz * yz - xy * zz, a_xz = xy * yz - xz * yy, a_yz = xy * xz - xx * yz;
+    const bool first = (a_xx >= a_yy) & (a_xx >= a_zz), second = a_yy >= a_zz;
+    const double nx = first    ? a_xx
+                      : second ? a_xy
+                               : a_xz,
+                 ny = first    ? a_xy
+                      : second ? a_yy
+                               : a_yz,
+                 nz = first    ? a_xz
+                      : second ? a_yz
+                               : a_zz;
+    const double squared = nx * nx + ny * ny + nz * nz;
+    const bool flat = (squared > 0) & (middle > 0);  // else no plane, but a line or a point
+    const double scale = flat ? 1 / std::sqrt(squared) : 0;
+    lanes.nx[k] = nx * scale, lanes.ny[k] = ny * scale, lanes.nz[k] = nz * scale;
+    lanes.planarity[k] = flat ? 1 - (least > 0 ? least : 0) / middle : 0;
   }
-  const double sum = trace - least, product = minors - least * sum;
-  const double middle = sum / 2 - std::sqrt(std::max(0.0, sum * sum / 4 - product));
-  const Eigen::Matrix3d B = A - least * Eigen::Matrix3d::Identity();
-  Eigen::Vector3d normal = B.row(0).cross(B.row(1));
-  for (const auto& other : {B.row(1).cross(B.row(2)), B.row(2).cross(B.row(0))})
-    if (other.squaredNorm() > normal.squaredNorm()) normal = other;
-  PatchPlane out;
-  const double length = normal.norm();
-  if (!(length > 0) || !(middle > 0)) return out;  // no plane, but a line or a point
-  out.normal = (normal / length).cast<float>();
-  out.planarity = static_cast<float>(1 - std::max(0.0, least) / middle);
-  return out;
 }
 
 IDOL_WIDE void sum_patch(Patch& patch, const std::uint32_t* stamps, std::ptrdiff_t stride, std::uint32_t now,
@@ -67,8 +97,15 @@ IDOL_WIDE void sum_patch(Patch& patch, const std::uint32_t* stamps, std::ptrdiff
   }
   // A row counts 4 - y times in n1, and (4 - y) (5 - y) / 2 times in n2.
   const Ints y = 4 * n - n1, yy = 16 * n - 9 * n1 + 2 * n2;
-  std::memcpy(&patch.n, &n, kBytes), std::memcpy(&patch.y, &y, kBytes), std::memcpy(&patch.yy, &yy, kBytes);
-  std::memcpy(&patch.z, &z, kBytes), std::memcpy(&patch.yz, &yz, kBytes), std::memcpy(&patch.zz, &zz, kBytes);
+  constexpr Ints kX{-3, -2, -1, 0, 1, 2, 3, 0};
+  const Ints x = kX * n;
+  Ints few, products;
+  Lanes depths;
+  sum_each<Ints>(n, x, y, kX * x, few);
+  sum_each<Ints>(kX * y, yy, Ints{}, Ints{}, products);
+  sum_each<Lanes>(z, __builtin_convertvector(kX, Lanes) * z, yz, zz, depths);
+  patch.sums = {few[0],      few[1],    few[2],    few[3],    products[0],
+                products[1], depths[0], depths[1], depths[2], depths[3]};
 }
 
 IDOL_WIDE void mark_alike(const Patch& patch, const LocalEdges& edges, std::size_t pixel,
@@ -106,23 +143,23 @@ IDOL_WIDE void mark_alike(const Patch& patch, const LocalEdges& edges, std::size
 Patch::Patch(const std::uint32_t* stamps, std::ptrdiff_t stride, std::uint32_t now, std::uint32_t span,
              float per_us) {
   sum_patch(*this, stamps, stride, now, span, per_us);
-  for (const int in_column : n) count_ += in_column;
 }
 
-std::optional<PatchPlane> Patch::plane() const {
-  if (count_ < 3) return std::nullopt;
-  int sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
-  float sz = 0, sxz = 0, syz = 0, szz = 0;
-  for (int k = 0; k < kSize; ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    const int dx = k - kReach;
-    sx += dx * n[at], sxx += dx * dx * n[at], sxy += dx * y[at], sy += y[at], syy += yy[at];
-    sz += z[at], sxz += static_cast<float>(dx) * z[at], syz += yz[at], szz += zz[at];
+void fit_planes(std::span<const Patch> patches, std::span<PatchPlane> planes) {
+  for (std::size_t from = 0; from < patches.size(); from += kPlanesAtOnce) {
+    const auto count = std::min<std::size_t>(kPlanesAtOnce, patches.size() - from);
+    PlaneLanes lanes;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Patch::Sums& sums = patches[from + k].sums;
+      lanes.n[k] = sums.n, lanes.x[k] = sums.x, lanes.y[k] = sums.y, lanes.xx[k] = sums.xx,
+      lanes.xy[k] = sums.xy, lanes.yy[k] = sums.yy, lanes.z[k] = sums.z, lanes.xz[k] = sums.xz,
+      lanes.yz[k] = sums.yz, lanes.zz[k] = sums.zz;
+    }
+    fit_lanes(lanes);
+    for (std::size_t k = 0; k < count; ++k)
+      planes[from + k] = {Eigen::Vector3d(lanes.nx[k], lanes.ny[k], lanes.nz[k]).cast<float>(),
+                          static_cast<float>(lanes.planarity[k])};
   }
-  const Eigen::Vector3d mean = Eigen::Vector3d(sx, sy, sz) / count_;
-  Eigen::Matrix3d covariance;
-  covariance << sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz;
-  return plane_of(covariance / count_ - mean * mean.transpose());
 }
 
 std::array<unsigned, 2 * kAlikeReach + 1> edges_alike(const Patch& patch, const LocalEdges& edges,

@@ -5,12 +5,13 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
+#include <span>
 #include <vector>
 
 namespace idol {
 
-/// Plane through events of a small patch: unit normal in (x, y, t/c) and 1 - smallest/middle eigenvalue.
+/// Plane through events of a small patch: unit normal in (x, y, t/c), up to its sign, and 1 - smallest/middle
+/// eigenvalue of their covariance. Both zero for fewer than three points, or points in a line.
 struct PatchPlane {
   Eigen::Vector3f normal = Eigen::Vector3f::Zero();
   float planarity = 0;
@@ -24,23 +25,22 @@ class Patch {
   /// `stamps` [us]: of the middle pixel, in rows of `stride`; 0 = no event. kReach more pixels each way are
   /// read, and one more at the end of a row. Points older than `span` before `now` are left out; an age of 1
   /// us counts as -`per_us` in time.
+  Patch() = default;
   Patch(const std::uint32_t* stamps, std::ptrdiff_t stride, std::uint32_t now, std::uint32_t span,
         float per_us);
-  [[nodiscard]] int count() const { return count_; }
-  /// nullopt for fewer than three points.
-  [[nodiscard]] std::optional<PatchPlane> plane() const;
+  [[nodiscard]] int count() const { return sums.n; }
 
-  using Row = std::array<std::int32_t, kLanes>;
-  using Column = std::array<float, kLanes>;
   // For each pixel: all bits where it has a point, and the point's age [us].
-  std::array<Row, kSize> used, age;
-  // Sums over the rows: number, y, y^2, z, z y, z^2.
-  Row n, y, yy;
-  Column z, yz, zz;
-
- private:
-  int count_ = 0;
+  std::array<std::array<std::int32_t, kLanes>, kSize> used, age;
+  struct Sums {
+    int n, x, y, xx, xy, yy;
+    float z, xz, yz, zz;
+  } sums;
 };
+
+/// The planes of as many patches; so many take hardly longer than one.
+constexpr std::size_t kPlanesAtOnce = 8;
+void fit_planes(std::span<const Patch> patches, std::span<PatchPlane> planes);
 
 /// What each pixel's latest look at its patch found: normal along the motion, image speed along it [px/s],
 /// and the cluster that its event belongs to (0 = none).
