@@ -12,6 +12,12 @@ constexpr double kSlowestScale = 0.025;  // [s/px]
 constexpr double kFlowSigma = 0.2;       // of a line's motion about the flow, over the usual speed
 constexpr double kAcceleration = 1e6;    // spectral density of the image acceleration [px^2/s^3]
 
+// E P E^T, where E adds `factor` of one coordinate to another.
+void shear(Eigen::Matrix4d& P, int to, int from, double factor) {
+  P.row(to) += factor * P.row(from);
+  P.col(to) += factor * P.col(from);
+}
+
 }  // namespace
 
 // A turn moves the whole image in a known way: what it changes, no line has to learn from its events.
@@ -36,10 +42,9 @@ void LineTracker::turn(Time from, const Vec3& omega) {
 void LineTracker::predict(LineTrack& track, Time t) const {
   const double dt = seconds_between(track.time, t);
   if (dt > 0) {
-    Eigen::Matrix4d F = Eigen::Matrix4d::Identity();
-    F(0, 2) = F(1, 3) = dt;
-    track.x = F * track.x;
-    track.P = F * track.P * F.transpose();
+    track.x.head<2>() += dt * track.x.tail<2>();
+    shear(track.P, 0, 2, dt);
+    shear(track.P, 1, 3, dt);
     const double half = std::max(10.0, 0.5 * (track.hi - track.lo));
     for (int k = 0; k < 2; ++k) {
       const double q = k == 0 ? kAcceleration : kAcceleration / (half * half);
@@ -57,9 +62,8 @@ void LineTracker::predict(LineTrack& track, Time t) const {
   const double mid = 0.5 * (track.lo + track.hi);
   track.x[0] += track.x[1] * mid;
   track.x[2] += track.x[3] * mid;
-  Eigen::Matrix4d J = Eigen::Matrix4d::Identity();
-  J(0, 1) = J(2, 3) = mid;
-  track.P = J * track.P * J.transpose();
+  shear(track.P, 0, 1, mid);
+  shear(track.P, 2, 3, mid);
   track.centre += mid * track.dir + track.x[0] * track.normal;
   track.lo -= mid;
   track.hi -= mid;
