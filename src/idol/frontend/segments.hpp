@@ -36,7 +36,7 @@ struct SegmentOptions {
   int min_events = 40;
   double min_length_px = 10;
   double gate_px = 2.0;
-  double max_rms_px = 1.0;
+  double max_rms_px = 0.65;
   double max_bow_px = 0.8;
   double min_inliers = 0.7;
   double memory_s = 0.15;
@@ -67,7 +67,7 @@ struct SegmentOptions {
     visit("min_length_px", self.min_length_px, Range{2, 1000}, "shortest segment [px]");
     visit("gate_px", self.gate_px, Range{0.1, 10},
           "events farther from the segment's fitted line are not of it [px]");
-    visit("max_rms_px", self.max_rms_px, Range{0.1, 10}, "a cluster that spreads more is not a line [px]");
+    visit("max_rms_px", self.max_rms_px, Range{0.1, 10}, "a segment that spreads more is not a line [px]");
     visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a cluster that bends more is not a line [px]");
     visit("min_inliers", self.min_inliers, Range{0, 1},
           "share of a cluster's events that must lie on the line");
