@@ -9,6 +9,11 @@ namespace {
 
 constexpr double kEnoughOnTheWay = 1e-2;  // the next window solves again
 constexpr double kEnoughAtLast = 1e-4;
+// Until velocity and tilt of a start in motion are known, everything is solved to the end, without leaving
+// anything behind: scale, tilt and velocity change together, at hardly any cost, over a long way.
+constexpr double kEnoughToSettle = 1e-5;
+constexpr int kIterationsToSettle = 30;
+constexpr std::size_t kLagToSettle = 3;  // times the usual
 
 }  // namespace
 
@@ -89,14 +94,16 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
 }
 
 SolveStats FixedLag::solve() {
-  while (states_.size() - first_ > static_cast<std::size_t>(options_.lag_windows) + 1) marginalise_oldest();
+  const std::size_t lag = static_cast<std::size_t>(options_.lag_windows) * (settled_ ? 1 : kLagToSettle);
+  while (states_.size() - first_ > lag + 1) marginalise_oldest();
   forget();
   make_lines();
   const std::vector<LineId> ids = active_lines();
+  const ReducedPrior reduced = reduced_prior(ids);
   // While everything is in the lag a bad start can still be undone, which takes longer.
   const int iterations = first_ == 0 ? 2 * options_.max_iterations : options_.max_iterations;
-  const ReducedPrior reduced = reduced_prior(ids);
-  SolveStats stats = optimise(ids, reduced.prior, iterations, kEnoughOnTheWay);
+  SolveStats stats = settled_ ? optimise(ids, reduced.prior, iterations, kEnoughOnTheWay)
+                              : optimise(ids, reduced.prior, kIterationsToSettle, kEnoughToSettle);
   update_resting_lines(reduced);
   cull();
   measure_extents();

@@ -10,6 +10,7 @@ namespace idol {
 namespace {
 
 constexpr double kNearPx = 1e-6;
+constexpr int kMoreToSettle = 2;  // times as many lines of unknown depth, until the velocity is known
 
 double percentile(std::vector<double> values, double share) {
   const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
@@ -67,7 +68,7 @@ double FixedLag::typical_depth() const {
 }
 
 void FixedLag::make_lines() {
-  const bool few = std::ssize(active_lines()) < options_.few_lines;
+  const bool few = std::ssize(active_lines()) < (settled_ ? 1 : kMoreToSettle) * options_.few_lines;
   for (auto& [id, track] : tracks_) {
     if (track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size() ||
         std::ssize(track.seen) < options_.min_windows)
