@@ -80,7 +80,9 @@ void Odometry::finish() {
     waiting_ = std::move(window);
     process_ready(true);
   }
+  start_when_known(true);
   wait();
+  if (!started_ && !start_failure_.empty()) throw DataError(start_failure_);
   if (started()) smoother_->finish();
 }
 
@@ -111,7 +113,6 @@ void Odometry::process_ready(bool last) {
       drop_waiting();
       continue;
     }
-    if (!started_ && !start(window, last)) return;
     segment(*std::exchange(waiting_, std::nullopt));
   }
 }
@@ -143,24 +144,68 @@ void Odometry::drop_waiting() {
   waiting_.reset();
 }
 
-bool Odometry::start(const EventWindow& window, bool last) {
-  const Time until = window.begin + from_seconds(options_.start.duration_s);
-  if (!imu_.covers(until) && !last) return false;
-  const ImuInit init =
-      initialise_from_imu(imu_.slice(window.begin, until, 0), options_.backend.gravity, options_.start);
+// The start is found from the first windows together. Where their IMU data cannot be used, it is looked for
+// later.
+void Odometry::start_when_known(bool last) {
+  while (!started_ && !held_.empty()) {
+    const Time begin = held_.front()->window.begin, until = begin + from_seconds(options_.start.duration_s);
+    if (held_.back()->window.end < until && !last) return;
+    const auto samples = imu_.slice(begin, until, 0);
+    try {
+      ImuInit init = initialise_from_imu(samples, options_.backend.gravity, options_.start);
+      if (init.still && image_moves()) {
+        ImuInitOptions moving = options_.start;
+        moving.still_gyro_std = 0;
+        init = initialise_from_imu(samples, options_.backend.gravity, moving);
+      }
+      start(init);
+    } catch (const DataError& e) {
+      if (start_failure_.empty()) start_failure_ = e.what();
+      held_.pop_front();
+    }
+  }
+}
+
+// Steadily, so that the IMU alone would think it at rest. Something that passes before a camera at rest does
+// not fill the image.
+bool Odometry::image_moves() const {
+  constexpr double kSpeed = 8;          // [px/s]
+  constexpr std::size_t kSegments = 5;  // in a window
+  constexpr double kSpread = 0.5;       // from the first to the last tenth, of width and height
+  return std::any_of(held_.begin(), held_.end(), [&](const auto& segmented) {
+    std::vector<double> x, y;
+    for (const Segment& s : segmented->segments.segments) {
+      if (std::abs(s.line.c[2]) < kSpeed) continue;
+      x.push_back(s.line.origin.x()), y.push_back(s.line.origin.y());
+    }
+    if (x.size() < kSegments) return false;
+    const auto spread = [](std::vector<double>& values) {
+      std::sort(values.begin(), values.end());
+      const std::size_t cut = values.size() / 10;
+      return values[values.size() - 1 - cut] - values[cut];
+    };
+    return spread(x) > kSpread * rig_.camera.width && spread(y) > kSpread * rig_.camera.height;
+  });
+}
+
+void Odometry::start(const ImuInit& init) {
   NavState first;
-  first.t = window.begin;
+  first.t = held_.front()->window.begin;
   first.T_w_i.q = init.q_w_i;
   first.bias = init.bias;
   smoother_->start(first, init.still);
   started_ = true;
-  rest_.begin(init.still, until);
+  rest_.begin(init.still, first.t + from_seconds(options_.start.duration_s));
+  if (!start_failure_.empty())
+    diagnostics_.warn("late_start", fmt::format("nothing is estimated before {:.3f} s: {}",
+                                                static_cast<double>(first.t) / kNsPerS, start_failure_));
   if (!init.still)
     diagnostics_.warn("moving_start",
                       fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
                                   "spread {:.2f} m/s^2): the first seconds may be poor",
                                   init.gyro_std, init.accel_std));
-  return true;
+  for (auto& segmented : held_) hand_over(std::move(segmented));
+  held_.clear();
 }
 
 // What the front-end makes of a window depends on nothing that the back-end finds: both can work at a time.
@@ -172,14 +217,22 @@ void Odometry::segment(EventWindow&& window) {
   done->window = std::move(window);
   done->counts = segmenter_->counts();
   done->segment_s = watch.lap() + std::exchange(prepare_s_, 0);
+  if (!started_) {
+    held_.push_back(std::move(done));
+    start_when_known(false);
+    return;
+  }
   // What carries the newest estimate on stays.
-  const auto known = newest();
-  imu_.drop_before(std::min(done->window.end, known ? known->t : done->window.begin),
-                   2 * options_.imu.margin_samples);
+  if (const auto known = newest())
+    imu_.drop_before(std::min(done->window.end, known->t), 2 * options_.imu.margin_samples);
+  hand_over(std::move(done));
+}
+
+void Odometry::hand_over(std::shared_ptr<const Segmented> segmented) {
   if (background_)
-    background_->run([this, done] { estimate(*done); });
+    background_->run([this, segmented = std::move(segmented)] { estimate(*segmented); });
   else
-    estimate(*done);
+    estimate(*segmented);
 }
 
 void Odometry::estimate(const Segmented& segmented) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <limits>
 #include <map>
@@ -74,13 +75,14 @@ class Odometry {
   /// Called after each window: with one thread in that which pushes, with two in the back-end's, one call at
   /// a time.
   void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
-  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when
-  /// the back-end is some windows behind.
+  /// Any chunk size; each stream in time order. Waits when the back-end is some windows
+  /// behind.
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
   /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
   void end_imu();
-  /// Last, partial window and what waits for IMU data that will not come.
+  /// Last, partial window and what waits for IMU data that will not come. Throws DataError when no start has
+  /// been found.
   void finish();
   /// Returns when all windows cut so far are estimated. Throws what their estimation threw.
   void wait();
@@ -101,7 +103,6 @@ class Odometry {
   void process_ready(bool last);
   void prepare();
   void drop_waiting();
-  bool start(const EventWindow& window, bool last);
   // A window as the front-end leaves it.
   struct Segmented {
     EventWindow window;
@@ -111,6 +112,10 @@ class Odometry {
     SegmenterCounts counts;
   };
   void segment(EventWindow&& window);
+  void start_when_known(bool last);
+  void start(const ImuInit& init);
+  void hand_over(std::shared_ptr<const Segmented> segmented);
+  [[nodiscard]] bool image_moves() const;
   void estimate(const Segmented& segmented);
   [[nodiscard]] std::optional<NavState> newest() const;
   [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
@@ -133,6 +138,8 @@ class Odometry {
   std::unique_ptr<Backend> smoother_;
   std::optional<EventWindow> waiting_;
   bool started_ = false;
+  std::deque<std::shared_ptr<const Segmented>> held_;  // windows of which the start is to be found
+  std::string start_failure_;
   bool imu_over_ = false;
   Time prepared_ = std::numeric_limits<Time>::min();  // up to where the open window has been looked at
   double prepare_s_ = 0;                              // what that took
