@@ -32,7 +32,7 @@ def figure(data, *path, scale=1.0, digits=2):
     return "–" if data is None else f"{scale * data:.{digits}f}"
 
 
-def covered(evaluation, sequence, to):
+def covered(evaluation, sequence, begin, to):
     """Share of the span that was to be run (not of the whole recording) that the estimate covers."""
     stamps = []
     with open(os.path.join(sequence, "groundtruth.txt"), encoding="utf-8") as file:
@@ -41,12 +41,12 @@ def covered(evaluation, sequence, to):
                 stamps.append(float(re.split(r"[\s,]+", line.strip())[0]))
     whole = stamps[-1] - stamps[0]
     span = whole if to == "end" else min(whole, float(to))
-    return f"{100 * evaluation['coverage'] * whole / span:.1f}"
+    return f"{100 * evaluation['coverage'] * whole / (span - float(begin)):.1f}"
 
 
-def accuracy(evaluation, sequence, to):
+def accuracy(evaluation, sequence, begin, to):
     p = evaluation["protocols"]
-    cells = [covered(evaluation, sequence, to),
+    cells = [covered(evaluation, sequence, begin, to),
              figure(p, "full", "mpe_percent"),
              figure(p, "full", "translation_m", "rmse", scale=1000, digits=1),
              figure(p, "full", "rotation_deg", "rmse")]
@@ -62,7 +62,7 @@ def accuracy(evaluation, sequence, to):
         figure(p, "segments", "30", "rotation_deg", "median")]
 
 
-def rows_of(name, run, sequence, failure, to):
+def rows_of(name, run, sequence, failure, begin, to):
     """One row for each of the two trajectories; the figures of the run stand in the first."""
     stats = load(os.path.join(run, "stats.json"))
     cost = [figure(stats, "windows", digits=0), figure(stats, "lines", digits=0),
@@ -70,7 +70,7 @@ def rows_of(name, run, sequence, failure, to):
     rows = []
     for label, file in (("smoothed", "trajectory_camera"), ("causal", "trajectory_camera_causal")):
         evaluation = load(os.path.join(run, file + ".json"))
-        cells = accuracy(evaluation, sequence, to) if evaluation else ["–"] * (len(COLUMNS) - 2 - len(cost))
+        cells = accuracy(evaluation, sequence, begin, to) if evaluation else ["–"] * (len(COLUMNS) - 2 - len(cost))
         rows.append([name if not rows else "", label] + cells + (cost if not rows else [""] * len(cost)))
     if failure:
         rows[0][0] += " (failed: " + failure.replace("|", "/") + ")"
@@ -92,7 +92,7 @@ def markdown(args):
              "| " + " | ".join(title for title, _ in COLUMNS) + " |",
              "|" + "|".join("---" if side == "l" else "--:" for _, side in COLUMNS) + "|"]
     for entry in args.list.read().splitlines():
-        for row in rows_of(*entry.split("\t"), args.to):
+        for row in rows_of(*entry.split("\t"), args.begin, args.to):
             lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines) + "\n"
 
@@ -168,6 +168,7 @@ def main():
                              "title and such a list")
     parser.add_argument("--ablation", action="store_true")
     parser.add_argument("--stress", action="store_true")
+    parser.add_argument("--from", dest="begin", default="0")
     parser.add_argument("--to", default="end")
     parser.add_argument("--command", required=True)
     parser.add_argument("--section")

@@ -27,20 +27,31 @@ double velocity_error(const NavState& state, const std::vector<NavState>& truth)
   return (state.T_w_i.q.conjugate() * state.v_w - now.T_w_i.q.conjugate() * now.v_w).norm();
 }
 
-TEST(Start, InTheMidstOfAMotion) {
+TEST(PipelineStart, InTheMidstOfAMotion) {
+  constexpr double kKnown = 2.5;  // [s]
   const Rig rig = davis_rig();
-  const auto whole = record(rig, 7.5);
-  for (const double from : {1.8, 2.6, 3.4, 4.2}) {
+  const Scene scene = load_scene(std::filesystem::path(IDOL_DATA_DIR) / "scenes/shapes.yaml");
+  HandMotion gentle;
+  gentle.speed = 0.5;
+  gentle.duration_s = 10;
+  const auto whole =
+      simulate_in_memory(scene, hand_motion(starting_camera(scene) * rig.T_i_c.inverse(), gentle), rig, {});
+  for (const double from : {3.0, 3.8, 4.6, 5.4}) {
     const auto data = cut(whole, from);
-    const auto states = estimate(rig, data, 5000, "realtime");
+    std::vector<NavState> causal;
+    const auto states = estimate(rig, data, 5000, "realtime", &causal);
     ASSERT_GT(states.size(), 60U);
     EXPECT_LT(judge(states, data.truth).position_m, 0.01) << "from " << from;
-    EXPECT_LT(velocity_error(states.back(), data.truth), 0.03) << "from " << from;
+    double worst = 0;
+    for (const auto& s : causal)
+      if (seconds_between(states.front().t, s.t) > kKnown)
+        worst = std::max(worst, velocity_error(s, data.truth));
+    EXPECT_LT(worst, 0.03) << "from " << from;
   }
 }
 
 // At an even speed the IMU is as quiet as at rest.
-TEST(Start, AGlideIsNoRest) {
+TEST(PipelineStart, AGlideIsNoRest) {
   constexpr double kSpacing = 0.04, kGlide = 1.2, kSpeed = 0.4;  // [s], [s], [m/s]
   const Rig rig = davis_rig();
   const Scene scene = load_scene(std::filesystem::path(IDOL_DATA_DIR) / "scenes/shapes.yaml");
@@ -63,7 +74,7 @@ TEST(Start, AGlideIsNoRest) {
   EXPECT_LT(velocity_error(states.back(), data.truth), 0.03);
 }
 
-TEST(Start, AViolentOneIsWaitedOut) {
+TEST(PipelineStart, AViolentOneIsWaitedOut) {
   constexpr double kViolent = 0.5;  // [s]
   const Rig rig = davis_rig();
   const auto data = cut(record(rig, 5), 1.5);
