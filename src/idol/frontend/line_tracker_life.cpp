@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kEndFade = 0.6;      // of the counts about the ends at each look
 constexpr float kEndDensity = 0.5F;   // of the line's density: where it falls below, the line ends
-constexpr double kNoisy = 0.05;       // share of noise among a line's events that makes one look uncertain
+constexpr double kNoisy = 0.03;       // share of noise among a line's events that makes one look uncertain
 constexpr double kLostNear = 3;       // of its place then, at most [px]
 constexpr float kGapFade = 0.85F;     // of the counts along a line at each look
 constexpr float kGapEvents = 16;      // expected in two pixels, at least, before none there means a gap
