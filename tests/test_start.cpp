@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 
 #include "idol/base/diagnostics.hpp"
 #include "pipeline_util.hpp"
@@ -75,29 +76,27 @@ TEST(PipelineStart, AGlideIsNoRest) {
 }
 
 TEST(PipelineStart, AViolentOneIsWaitedOut) {
-  constexpr double kViolent = 0.5;  // [s]
+  constexpr double kViolent = 0.5, kForEver = 1e9;  // [s]
   const Rig rig = davis_rig();
   const auto data = cut(record(rig, 5), 1.5);
-  const auto shaken = [&](double until_s) {
-    auto out = data;
-    for (auto& sample : out.imu)
-      if (seconds_between(out.imu.front().t, sample.t) < until_s) sample.accel *= 0.1;
-    return out;
+  const auto run = [&](double until_s, double share) {
+    auto readings = data.imu;
+    for (auto& sample : readings)
+      if (seconds_between(readings.front().t, sample.t) < until_s) sample.accel *= share;
+    auto odometry = std::make_unique<Odometry>(rig, preset("realtime"));
+    for (const auto& s : readings) odometry->push(s);
+    odometry->push(data.events);
+    return odometry;
   };
-  Odometry odometry(rig, preset("realtime"));
-  const auto late = shaken(kViolent);
-  for (const auto& s : late.imu) odometry.push(s);
-  odometry.push(late.events);
-  odometry.finish();
-  EXPECT_EQ(odometry.diagnostics().entries().count("late_start"), 1U);
-  ASSERT_TRUE(odometry.started());
-  EXPECT_GT(seconds_between(data.imu.front().t, odometry.smoother().states().front().t), 0.1);
+  const auto late = run(kViolent, 0.1);
+  late->finish();
+  EXPECT_EQ(late->diagnostics().entries().count("late_start"), 1U);
+  ASSERT_TRUE(late->started());
+  EXPECT_GT(seconds_between(data.imu.front().t, late->smoother().states().front().t), 0.1);
 
-  Odometry never(rig, preset("realtime"));
-  const auto wrong = shaken(1e9);  // as with readings in g
-  for (const auto& s : wrong.imu) never.push(s);
-  never.push(wrong.events);
-  EXPECT_THROW(never.finish(), DataError);
+  const auto never = run(kForEver, 0.5);
+  EXPECT_THROW(never->finish(), DataError);
+  EXPECT_THROW(static_cast<void>(run(kForEver, 1 / 9.81)), DataError);  // readings in g: said at once
 }
 
 }  // namespace

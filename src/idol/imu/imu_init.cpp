@@ -12,7 +12,7 @@ namespace idol {
 namespace {
 
 // Spread (RMS over the axes) of means over short blocks: motion, not sensor noise.
-double block_spread(std::span<const ImuSample> samples, Vec3 ImuSample::* field) {
+double block_spread(std::span<const ImuSample> samples, Vec3 ImuSample::*field) {
   constexpr double kBlock = 0.025;
   std::vector<Vec3> means;
   Vec3 sum = Vec3::Zero();
@@ -38,7 +38,8 @@ double block_spread(std::span<const ImuSample> samples, Vec3 ImuSample::* field)
 
 }  // namespace
 
-ImuInit initialise_from_imu(std::span<const ImuSample> samples, double gravity, const ImuInitOptions& options) {
+ImuInit initialise_from_imu(std::span<const ImuSample> samples, double gravity,
+                            const ImuInitOptions& options) {
   if (samples.size() < 10)
     throw DataError(fmt::format("only {} IMU samples at the start: too few to find gravity", samples.size()));
   ImuInit init;
@@ -58,9 +59,15 @@ ImuInit initialise_from_imu(std::span<const ImuSample> samples, double gravity, 
     }
     force += q_first_now * samples[i].accel / static_cast<double>(samples.size());
   }
-  if (std::abs(force.norm() - gravity) > 0.3 * gravity)
-    throw DataError(fmt::format("the accelerometer reads {:.2f} m/s^2 on average at the start, not {:.2f}: wrong units, "
-                                "wrong columns, or a violent start", force.norm(), gravity));
+  // Nobody falls, or is thrown with three times gravity, for most of a second.
+  constexpr double kViolent = 0.3, kImpossible = 3;
+  const double share = force.norm() / gravity;
+  const auto reads = fmt::format("the accelerometer reads {:.2f} m/s^2 on average at the start, not {:.2f}",
+                                 force.norm(), gravity);
+  if (share > kImpossible || share < 1 / kImpossible)
+    throw DataError(reads + ": wrong units or wrong columns");
+  if (std::abs(share - 1) > kViolent)
+    throw ViolentStart(reads + ": wrong units, wrong columns, or a violent start");
   const Vec3 up = force.normalized();
   const Vec3 ahead = std::abs(up.x()) < 0.9 ? Vec3::UnitX() : Vec3::UnitY();
   Mat3 R_i_w;

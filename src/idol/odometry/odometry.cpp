@@ -144,8 +144,7 @@ void Odometry::drop_waiting() {
   waiting_.reset();
 }
 
-// The start is found from the first windows together. Where their IMU data cannot be used, it is looked for
-// later.
+// The start is found from the first windows together; after a violent motion, from later ones.
 void Odometry::start_when_known(bool last) {
   while (!started_ && !held_.empty()) {
     const Time begin = held_.front()->window.begin, until = begin + from_seconds(options_.start.duration_s);
@@ -159,7 +158,7 @@ void Odometry::start_when_known(bool last) {
         init = initialise_from_imu(samples, options_.backend.gravity, moving);
       }
       start(init);
-    } catch (const DataError& e) {
+    } catch (const ViolentStart& e) {
       if (start_failure_.empty()) start_failure_ = e.what();
       held_.pop_front();
     }

@@ -75,8 +75,8 @@ class Odometry {
   /// Called after each window: with one thread in that which pushes, with two in the back-end's, one call at
   /// a time.
   void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
-  /// Any chunk size; each stream in time order. Waits when the back-end is some windows
-  /// behind.
+  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when
+  /// the back-end is some windows behind.
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
   /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
