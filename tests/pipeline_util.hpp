@@ -1,8 +1,11 @@
 // The whole method run in memory on simulated recordings.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <span>
+#include <string_view>
 #include <vector>
 
 #include "idol/odometry/odometry.hpp"
@@ -19,14 +22,20 @@ inline Rig davis_rig() {
   return rig;
 }
 
-inline SimulatedRecording record(const Rig& rig, double duration_s, const SimulatorOptions& options = {}) {
-  const Scene scene = load_scene(std::filesystem::path(IDOL_DATA_DIR) / "scenes/shapes.yaml");
+inline Scene shapes() { return load_scene(std::filesystem::path(IDOL_DATA_DIR) / "scenes/shapes.yaml"); }
+
+inline SimulatedRecording record(const Rig& rig, const HandMotion& motion) {
+  const Scene scene = shapes();
+  return simulate_in_memory(scene, hand_motion(starting_camera(scene) * rig.T_i_c.inverse(), motion), rig,
+                            {});
+}
+
+inline SimulatedRecording record(const Rig& rig, double duration_s) {
   HandMotion motion;
   motion.duration_s = duration_s;
   motion.still_s = 0.6;
   motion.seed = 3;
-  return simulate_in_memory(scene, hand_motion(starting_camera(scene) * rig.T_i_c.inverse(), motion), rig,
-                            options);
+  return record(rig, motion);
 }
 
 // Both streams to the odometry in packets of `chunk` events, the IMU up to the packet's end first.

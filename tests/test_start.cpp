@@ -2,6 +2,7 @@
 // up.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -31,12 +32,10 @@ double velocity_error(const NavState& state, const std::vector<NavState>& truth)
 TEST(PipelineStart, InTheMidstOfAMotion) {
   constexpr double kKnown = 2.5;  // [s]
   const Rig rig = davis_rig();
-  const Scene scene = load_scene(std::filesystem::path(IDOL_DATA_DIR) / "scenes/shapes.yaml");
   HandMotion gentle;
   gentle.speed = 0.5;
   gentle.duration_s = 10;
-  const auto whole =
-      simulate_in_memory(scene, hand_motion(starting_camera(scene) * rig.T_i_c.inverse(), gentle), rig, {});
+  const auto whole = record(rig, gentle);
   for (const double from : {3.0, 3.8, 4.6, 5.4}) {
     const auto data = cut(whole, from);
     std::vector<NavState> causal;
@@ -55,7 +54,7 @@ TEST(PipelineStart, InTheMidstOfAMotion) {
 TEST(PipelineStart, AGlideIsNoRest) {
   constexpr double kSpacing = 0.04, kGlide = 1.2, kSpeed = 0.4;  // [s], [s], [m/s]
   const Rig rig = davis_rig();
-  const Scene scene = load_scene(std::filesystem::path(IDOL_DATA_DIR) / "scenes/shapes.yaml");
+  const Scene scene = shapes();
   const Pose start = starting_camera(scene) * rig.T_i_c.inverse();
   std::vector<Pose> control;
   for (double t = 0; t < 5; t += kSpacing) {

@@ -22,10 +22,10 @@ struct PatchPlane {
 class Patch {
  public:
   static constexpr int kReach = 3, kSize = 2 * kReach + 1, kLanes = 8;
+  Patch() = default;
   /// `stamps` [us]: of the middle pixel, in rows of `stride`; 0 = no event. kReach more pixels each way are
   /// read, and one more at the end of a row. Points older than `span` before `now` are left out; an age of 1
   /// us counts as -`per_us` in time.
-  Patch() = default;
   Patch(const std::uint32_t* stamps, std::ptrdiff_t stride, std::uint32_t now, std::uint32_t span,
         float per_us);
   [[nodiscard]] int count() const { return sums.n; }

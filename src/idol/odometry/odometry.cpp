@@ -150,14 +150,10 @@ void Odometry::start_when_known(bool last) {
     const Time begin = held_.front()->window.begin, until = begin + from_seconds(options_.start.duration_s);
     if (held_.back()->window.end < until && !last) return;
     const auto samples = imu_.slice(begin, until, 0);
+    ImuInitOptions options = options_.start;
+    if (image_moves()) options.still_gyro_std = 0;  // whatever the IMU says
     try {
-      ImuInit init = initialise_from_imu(samples, options_.backend.gravity, options_.start);
-      if (init.still && image_moves()) {
-        ImuInitOptions moving = options_.start;
-        moving.still_gyro_std = 0;
-        init = initialise_from_imu(samples, options_.backend.gravity, moving);
-      }
-      start(init);
+      start(initialise_from_imu(samples, options_.backend.gravity, options));
     } catch (const ViolentStart& e) {
       if (start_failure_.empty()) start_failure_ = e.what();
       held_.pop_front();
