@@ -38,6 +38,7 @@ struct SegmentOptions {
   double gate_px = 2.0;
   double max_rms_px = 0.65;
   double max_bow_px = 0.8;
+  double max_wave_px = 0.155;
   double min_inliers = 0.7;
   double memory_s = 0.15;
 
@@ -69,6 +70,10 @@ struct SegmentOptions {
           "events farther from the segment's fitted line are not of it [px]");
     visit("max_rms_px", self.max_rms_px, Range{0.1, 10}, "a segment that spreads more is not a line [px]");
     visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a cluster that bends more is not a line [px]");
+    visit(
+        "max_wave_px", self.max_wave_px, Range{0.01, 100},
+        "a segment whose events waver more about its line is doubtful: the estimator uses it, but its events "
+        "get no label (track) [px]");
     visit("min_inliers", self.min_inliers, Range{0, 1},
           "share of a cluster's events that must lie on the line");
     visit("memory_s", self.memory_s, Range{0, 10},
@@ -82,10 +87,12 @@ struct Segment {
   LineId id = kNoLine;                ///< unique over the recording; kept from window to window
   std::vector<std::uint32_t> events;  ///< indices into the window's events, in time order
   MovingLine line;                    ///< its fitted line, time in s since the window's begin
+  bool clear = true;                  ///< false: likely texture that is nearly straight
 };
 
 struct SegmentedWindow {
-  std::vector<LineId> ids;  ///< one an event of the window (overlap included); kNoLine = none
+  /// One an event of the window (overlap included): of its segment, if that is clear; kNoLine = none.
+  std::vector<LineId> ids;
   std::vector<Segment> segments;
   double c_s_per_px = 0;  ///< temporal scale used
   double speed_px_s = 0;  ///< median image speed along the normals

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "idol/frontend/waviness.hpp"
+
 namespace idol {
 namespace {
 
@@ -60,10 +62,11 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
       line = fit_track(window, s.events, s.id);
     if (line) {
       s.line = *line;
-      return false;
+      s.clear = waviness(window, s.events, s.line, *undistort_) <= options_.max_wave_px;
     }
-    for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
-    return true;
+    if (!line || !s.clear)
+      for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
+    return !line;
   });
   counts_.add(window, out.ids);
   tracker_.forget_before(window.begin);
