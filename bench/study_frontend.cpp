@@ -13,6 +13,7 @@
 #include <random>
 #include <string>
 
+#include "idol/base/median.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/odometry/presets.hpp"
@@ -35,12 +36,7 @@ struct Settings {
   bool gyro = true;
 };
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
+double median_or_0(const std::vector<double>& values) { return values.empty() ? 0 : median(values); }
 
 // Events of a segment near each true line.
 struct Votes {
@@ -144,8 +140,8 @@ class Judge {
         "{:.3f} ({:.3f}, {:.3f}) | {:.3f} | {:.3f} | {:.3f} | {:.2f} px, {:.2f} deg | {:.2f} | {:.2f} | {} |",
         part.pure / part.events, part.pure / part.near_any, listed.pure / listed.near_any,
         life.pure / life.events, static_cast<double>(found_) / wanted_,
-        static_cast<double>(taken_) / std::max<std::int64_t>(1, unlisted_), median(offsets_), median(angles_),
-        median(lives), median(longest), tracks_.size());
+        static_cast<double>(taken_) / std::max<std::int64_t>(1, unlisted_), median_or_0(offsets_),
+        median_or_0(angles_), median_or_0(lives), median_or_0(longest), tracks_.size());
   }
 
   void start(Time t) { next_view_ = t; }

@@ -10,6 +10,7 @@
 #include <functional>
 #include <string>
 
+#include "idol/base/median.hpp"
 #include "idol/io/row_stream.hpp"
 #include "idol/io/text_recording.hpp"
 #include "reference_preintegration.hpp"
@@ -21,12 +22,6 @@ namespace {
 constexpr int kWindows = 100;
 constexpr int kMargin = 10;
 constexpr double kDeg = 180 / std::numbers::pi;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 struct Errors {
   std::vector<double> angle, velocity, position;  // [deg], [mm/s], [mm]

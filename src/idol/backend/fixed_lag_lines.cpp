@@ -5,18 +5,13 @@
 #include <cmath>
 
 #include "idol/backend/fixed_lag.hpp"
+#include "idol/base/median.hpp"
 
 namespace idol {
 namespace {
 
 constexpr double kNearPx = 1e-6;
 constexpr int kMoreToSettle = 2;  // times as many lines of unknown depth, until the velocity is known
-
-double percentile(std::vector<double> values, double share) {
-  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + k, values.end());
-  return values[static_cast<std::size_t>(k)];
-}
 
 }  // namespace
 

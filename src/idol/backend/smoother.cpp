@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "idol/backend/costs.hpp"
+#include "idol/base/median.hpp"
 
 namespace idol {
 namespace {
@@ -237,9 +238,7 @@ double Smoother::typical_depth() const {
     const double z = (T_c_w * Vec3(0.5 * (track.ends.a + track.ends.b))).z();
     if (z > 0.1) depths.push_back(z);
   }
-  if (depths.size() < 3) return options_.first_depth_m;
-  std::nth_element(depths.begin(), depths.begin() + std::ssize(depths) / 2, depths.end());
-  return depths[depths.size() / 2];
+  return depths.size() < 3 ? options_.first_depth_m : median(std::move(depths));
 }
 
 void Smoother::make_lines() {

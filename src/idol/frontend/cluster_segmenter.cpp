@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "idol/base/median.hpp"
 #include "idol/frontend/normals.hpp"
 #include "idol/frontend/spacetime_grid.hpp"
 
@@ -95,9 +96,7 @@ double median_speed(std::span<const LocalPlane> planes, double c) {
   std::vector<float> speeds;
   for (const auto& plane : planes)
     if (plane.valid()) speeds.push_back(std::abs(plane.normal.z()) / plane.normal.head<2>().norm());
-  if (speeds.empty()) return 0;
-  std::nth_element(speeds.begin(), speeds.begin() + std::ssize(speeds) / 2, speeds.end());
-  return speeds[speeds.size() / 2] / c;
+  return speeds.empty() ? 0 : median(std::move(speeds)) / c;
 }
 
 }  // namespace

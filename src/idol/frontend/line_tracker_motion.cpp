@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "idol/base/median.hpp"
 #include "idol/frontend/line_tracker.hpp"
 
 namespace idol {
@@ -91,9 +92,8 @@ void LineTracker::adapt_scale() {
   for (const auto& t : tracks_)
     if (t.confirmed) speeds.push_back(std::abs(t.x[2]));
   if (speeds.size() < 3) return;
-  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
-  std::nth_element(speeds.begin(), middle, speeds.end());
-  const double wanted = std::clamp(1.0 / std::max(1.0, *middle), kFastestScale, kSlowestScale);
+  const double wanted =
+      std::clamp(1.0 / std::max(1.0, median(std::move(speeds))), kFastestScale, kSlowestScale);
   c_ = std::exp(0.9 * std::log(c_) + 0.1 * std::log(wanted));
 }
 

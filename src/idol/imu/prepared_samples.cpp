@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/median.hpp"
 
 namespace idol {
 namespace {
@@ -23,13 +24,11 @@ double median_period(std::span<const ImuSample> samples) {
         fmt::format("only {} IMU samples of different times around {:.6f} s: at least two are needed",
                     std::min<std::size_t>(samples.size(), 1),
                     samples.empty() ? 0.0 : static_cast<double>(samples.front().t) / kNsPerS));
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return static_cast<double>(*middle) / kNsPerS;
+  return static_cast<double>(median(std::move(steps))) / kNsPerS;
 }
 
-// Differences of samples that nearly coincide would drown in their noise once divided by their distance. Close means:
-// beside the usual distance, and beside the distances before and after (the rate may change).
+// Differences of samples that nearly coincide would drown in their noise once divided by their distance.
+// Close means: beside the usual distance, and beside the distances before and after (the rate may change).
 void merge_close(std::span<const ImuSample> samples, Time begin, PreparedSamples& out) {
   constexpr double kClose = 0.25;
   const auto distance = [&](std::size_t i) {  // from sample i - 1 to i

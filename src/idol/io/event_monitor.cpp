@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "idol/base/median.hpp"
 #include "idol/io/trajectory_io.hpp"
 
 namespace idol {
@@ -69,9 +70,7 @@ std::vector<std::pair<int, int>> EventMonitor::hot_pixels() const {
         for (int u = std::max(0, x - 2); u <= std::min(largest_x_, x + 2); ++u)
           if (u != x || v != y) around.push_back(pixels_.spans(u, v));
       if (around.empty()) continue;
-      const auto median = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
-      std::nth_element(around.begin(), median, around.end());
-      if (*median < kLargestShare * spans) hot.emplace_back(x, y);
+      if (median(around) < kLargestShare * spans) hot.emplace_back(x, y);
     }
   }
   return hot;

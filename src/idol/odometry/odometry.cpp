@@ -157,6 +157,7 @@ void Odometry::start_when_known(bool last) {
     } catch (const ViolentStart& e) {
       if (start_failure_.empty()) start_failure_ = e.what();
       held_.pop_front();
+      if (!held_.empty()) imu_.drop_before(held_.front()->window.begin, 2 * options_.imu.margin_samples);
     }
   }
 }
