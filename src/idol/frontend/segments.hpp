@@ -36,7 +36,7 @@ struct SegmentOptions {
   int min_events = 40;
   double min_length_px = 10;
   double gate_px = 2.0;
-  double max_rms_px = 0.65;
+  double max_rms_px = 1;
   double max_bow_px = 0.8;
   double max_wave_px = 0.155;
   double min_inliers = 0.7;

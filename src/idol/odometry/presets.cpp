@@ -17,7 +17,6 @@ Options paper() {
   options.window.max_duration_s = 0.1;
   options.segment.method = SegmentMethod::kPaper;
   options.segment.min_length_px = 12;
-  options.segment.max_rms_px = 1;
   options.imu.method = PreintegrationMethod::kGpm;
   options.imu.margin_samples = 8;
   options.backend.method = BackendMethod::kBatch;
