@@ -57,7 +57,8 @@ IDOL_WIDE void add_up(const Columns& events, const MovingLine& line, double gate
     const Doubles all_u = dx * x + dy * y, all_w = dx * y - dy * x;
     const Doubles off = all_w - (c0 + c1 * all_u + (c2 + c3 * all_u + c4 * all_t) * all_t);
     const Mask in = (off <= gate) & (off >= -gate);
-    const auto u = (Doubles)((Mask)all_u & in), t = (Doubles)((Mask)all_t & in), w = (Doubles)((Mask)all_w & in);
+    const auto u = (Doubles)((Mask)all_u & in), t = (Doubles)((Mask)all_t & in),
+               w = (Doubles)((Mask)all_w & in);
     const Mask marked = (Mask)u | ~in;  // all bits are a NaN
     std::memcpy(&along[i], &marked, sizeof marked);
     const Doubles uu = u * u, ut = u * t, tt = t * t;
