@@ -4,6 +4,9 @@
 #include <cmath>
 #include <queue>
 #include <tuple>
+#include <utility>
+
+#include "idol/base/median.hpp"
 
 namespace idol {
 namespace {
@@ -132,11 +135,7 @@ double time_coverage(const Trajectory& estimate, Time begin, Time end) {
   std::vector<Time> intervals;
   for (std::size_t i = 1; i < estimate.size(); ++i) intervals.push_back(estimate[i].t - estimate[i - 1].t);
   Time hole = from_seconds(1.0);
-  if (!intervals.empty()) {
-    const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-    std::nth_element(intervals.begin(), middle, intervals.end());
-    hole = std::max(hole, 5 * *middle);
-  }
+  if (!intervals.empty()) hole = std::max(hole, 5 * median(std::move(intervals)));
   Time covered = 0;
   for (std::size_t i = 1; i < estimate.size(); ++i) {
     const Time from = estimate[i - 1].t;
