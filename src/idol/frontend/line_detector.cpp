@@ -11,7 +11,11 @@ namespace {
 constexpr std::size_t kPool = 4096;  // clusters alive at once; the oldest give way
 constexpr int kMinPatch = 7;         // events of a plane
 constexpr float kMinPlanarity = 0.5F;
-constexpr EdgeLimits kAlike{0.9F, 1};   // of neighbours in one line
+constexpr EdgeLimits kAlike{0.9F, 1};  // of neighbours in one line
+constexpr int kBlock = 8;              // pieces of the image, in which events may be thinned [px]
+constexpr int kPatience = 24;          // passages there of late, before only one of kFewer is looked at
+constexpr int kFewer = 3;
+constexpr double kFadeEvery = 0.2;      // [s]: a quarter of them is forgotten
 constexpr int kMinCluster = 24;         // passages before a cluster is tested, and between tests
 constexpr double kMaxThickness = 0.62;  // rms distance of a cluster's events from its moving line [px]
 
@@ -24,6 +28,10 @@ LineDetector::LineDetector(const UndistortMap& undistort)
       width_(undistort.width()),
       height_(undistort.height()),
       edges_{LocalEdges(undistort.pixels()), LocalEdges(undistort.pixels())},
+      block_cols_((width_ + kBlock - 1) / kBlock),
+      block_rows_((height_ + kBlock - 1) / kBlock),
+      blocks_(static_cast<std::size_t>(block_cols_ * block_rows_)),
+      names_(kPool),
       pool_(kPool) {
   const std::size_t pixels = undistort.pixels();
   for (auto& stamps : stamps_) stamps.resize(pixels + 1);  // a row is read one pixel too far
@@ -31,10 +39,10 @@ LineDetector::LineDetector(const UndistortMap& undistort)
 
 LineDetector::Cluster* LineDetector::find(std::uint32_t serial) {
   while (serial != 0) {
-    Cluster& c = pool_[serial % kPool];
-    if (c.serial != serial) return nullptr;
-    if (c.merged_into == 0) return &c;
-    serial = c.merged_into;
+    const Name& name = names_[serial % kPool];
+    if (name.serial != serial) return nullptr;
+    if (name.merged_into == 0) return &pool_[serial % kPool];
+    serial = name.merged_into;
   }
   return nullptr;
 }
@@ -42,6 +50,7 @@ LineDetector::Cluster* LineDetector::find(std::uint32_t serial) {
 LineDetector::Cluster& LineDetector::create(const Eigen::Vector2d& px, Time t) {
   Cluster& c = pool_[next_serial_ % kPool];
   c = {};
+  names_[next_serial_ % kPool] = {next_serial_, 0};
   c.serial = next_serial_++;
   if (next_serial_ == 0) next_serial_ = 1;
   c.origin = px;
@@ -55,17 +64,22 @@ void LineDetector::merge(Cluster& into, Cluster& from) {
   into.m += from.m + d * from.s.transpose() + from.s * d.transpose() + from.n * d * d.transpose();
   into.s += from.s + from.n * d;
   into.n += from.n;
-  from.merged_into = into.serial;
+  names_[from.serial % kPool].merged_into = into.serial;
 }
 
-void LineDetector::begin_batch(double most, double c, double min_length) {
+void LineDetector::begin_batch(Time begin, double most, double c, double min_length) {
   c_ = c, min_length_ = min_length;
+  if (begin >= next_fade_) {
+    for (Block& block : blocks_) block.tried -= block.tried / 4;
+    next_fade_ = begin + from_seconds(kFadeEvery);
+  }
   seeds_.clear();
   stride_ = 1 + static_cast<std::int64_t>(static_cast<double>(candidates_) / std::max(1.0, most));
   candidates_ = 0;
 }
 
 void LineDetector::add(const Event& event) {
+  if (!promising(event)) return;
   LocalEdges& edges = edges_[event.polarity ? 1 : 0];
   auto& stamps = stamps_[event.polarity ? 1 : 0];
   const std::uint32_t now = to_us(event.t);
@@ -82,11 +96,32 @@ void LineDetector::add(const Event& event) {
     ++skipped_;
     return;
   }
+  ++block_of(event).tried;
   Patch& patch = patches_[waiting_];
   patch = Patch(&stamps[pixel], width_, now, 5 * pixel_us, static_cast<float>(1e-6 / c_));
   if (patch.count() < kMinPatch) return;
+  __builtin_prefetch(&(*undistort_)(event.x, event.y));
   events_[waiting_] = event;
   if (++waiting_ == kPlanesAtOnce) grow_waiting();
+}
+
+LineDetector::Block& LineDetector::block_of(const Event& event) {
+  return blocks_[static_cast<std::size_t>(event.y / kBlock * block_cols_ + event.x / kBlock)];
+}
+
+// Curves and texture fire for ever, and no line comes of it: where much has been tried of late, only some
+// events are looked at. A new line is found there a little later.
+bool LineDetector::promising(const Event& event) {
+  Block& block = block_of(event);
+  return block.tried < kPatience || ++block.passed % kFewer == 0;
+}
+
+// Where a line is there may be more.
+void LineDetector::encourage(const Event& event) {
+  const int x = event.x / kBlock, y = event.y / kBlock;
+  for (int row = std::max(0, y - 1); row <= std::min(y + 1, block_rows_ - 1); ++row)
+    for (int col = std::max(0, x - 1); col <= std::min(x + 1, block_cols_ - 1); ++col)
+      blocks_[static_cast<std::size_t>(row * block_cols_ + col)].tried = 0;
 }
 
 std::span<const LineSeed> LineDetector::end_batch() {
@@ -147,10 +182,10 @@ void LineDetector::grow(const Event& event, const Patch& patch, Eigen::Vector3f 
   mine->m += d * d.transpose();
   if (mine->n < kMinCluster || mine->n < mine->tested + 8) return;
   mine->tested = mine->n;
-  test(*mine, event.t);
+  if (test(*mine, event.t)) encourage(event);
 }
 
-void LineDetector::test(Cluster& cluster, Time now) {
+bool LineDetector::test(Cluster& cluster, Time now) {
   const Eigen::Vector3d mean = cluster.s / cluster.n;
   Eigen::Matrix3d cov = cluster.m / cluster.n - mean * mean.transpose();
   const Eigen::Vector3d scale(1, 1, 1 / c_);
@@ -158,19 +193,20 @@ void LineDetector::test(Cluster& cluster, Time now) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(cov);
   Eigen::Vector3d n = eigen.eigenvectors().col(0);
   const double across = n.head<2>().norm();
-  if (across < 0.15) return;
-  if (std::sqrt(std::max(0.0, eigen.eigenvalues()[0])) / across > kMaxThickness) return;
+  if (across < 0.15) return false;
+  if (std::sqrt(std::max(0.0, eigen.eigenvalues()[0])) / across > kMaxThickness) return false;
   LineSeed seed;
   seed.normal = n.head<2>() / across;
   seed.speed = -n.z() / across / c_;
   const Eigen::Vector2d dir(-seed.normal.y(), seed.normal.x());
   seed.length = std::sqrt(12 * dir.dot(cov.topLeftCorner<2, 2>() * dir));
-  if (seed.length < min_length_) return;
+  if (seed.length < min_length_) return false;
   seed.centre = cluster.origin + mean.head<2>() +
                 seed.normal * seed.speed * (seconds_between(cluster.t0, now) - mean.z());
   seed.time = now;
   seeds_.push_back(seed);
-  cluster.serial = 0;  // done: its cells find nothing any more
+  names_[cluster.serial % kPool].serial = 0;  // done: its cells find nothing any more
+  return true;
 }
 
 }  // namespace idol

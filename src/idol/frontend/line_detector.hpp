@@ -27,7 +27,7 @@ class LineDetector {
   explicit LineDetector(const UndistortMap& undistort);
   /// Before each batch: how many events of it may be looked at closely (when the batch before had more, only
   /// every second, third, ... one is), the time that counts as a pixel [s/px], and the shortest line [px].
-  void begin_batch(double most, double c, double min_length);
+  void begin_batch(Time begin, double most, double c, double min_length);
   /// Events that were left out for this, by now.
   [[nodiscard]] std::int64_t skipped() const { return skipped_; }
   /// Fetches the memory that an event will need.
@@ -43,9 +43,17 @@ class LineDetector {
   [[nodiscard]] std::span<const LineSeed> end_batch();
 
  private:
+  // A piece of the image: passages there of late, and those that had to be looked at.
+  struct Block {
+    int tried = 0, passed = 0;
+  };
+  // By serial numbers, of which the newest are known. Apart from the rest, since they are asked for often.
+  struct Name {
+    std::uint32_t serial = 0, merged_into = 0;
+  };
   // Moments of a cluster's points (x, y [px], t [s]) relative to its first.
   struct Cluster {
-    std::uint32_t serial = 0, merged_into = 0;
+    std::uint32_t serial = 0;
     int n = 0, tested = 0;
     Time t0 = 0;
     Eigen::Vector2d origin = Eigen::Vector2d::Zero();
@@ -53,17 +61,24 @@ class LineDetector {
     Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
   };
 
+  [[nodiscard]] Block& block_of(const Event& event);
+  [[nodiscard]] bool promising(const Event& event);
   Cluster* find(std::uint32_t serial);
   Cluster& create(const Eigen::Vector2d& px, Time t);
   void merge(Cluster& into, Cluster& from);
   void grow_waiting();
   void grow(const Event& event, const Patch& patch, Eigen::Vector3f normal);
-  void test(Cluster& cluster, Time now);
+  bool test(Cluster& cluster, Time now);
+  void encourage(const Event& event);
 
   const UndistortMap* undistort_;
   int width_, height_;
   std::vector<std::uint32_t> stamps_[2];  // of the latest first-of-passage event [us]; 0 = none yet
   std::array<LocalEdges, 2> edges_;
+  int block_cols_, block_rows_;
+  std::vector<Block> blocks_;
+  Time next_fade_ = 0;
+  std::vector<Name> names_;
   std::vector<Cluster> pool_;
   std::uint32_t next_serial_ = 1;
   std::int64_t candidates_ = 0, stride_ = 1;  // of this batch; of how many candidates one is looked at

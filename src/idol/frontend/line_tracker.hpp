@@ -14,6 +14,7 @@
 #include "idol/base/camera.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/types.hpp"
+#include "idol/frontend/line_claims.hpp"
 #include "idol/frontend/line_detector.hpp"
 
 namespace idol {
@@ -65,9 +66,7 @@ struct LineTrack {
   struct Waiting {
     double n = 0, u = 0, uu = 0, r = 0, ur = 0, t = 0, noise = 0;
   } waiting;
-  /// Claimed events by pixels about an end, from `kInside` px inside to the outermost; fading like `all`.
-  static constexpr int kInside = 4, kOutside = 6;
-  using EndCounts = Eigen::Array<float, kInside + kOutside, 1>;
+  /// Claimed events about the ends; fading like `all`.
   EndCounts at_lo = EndCounts::Zero(), at_hi = EndCounts::Zero();
   double all = 0, unlooked = 0;
   /// Claimed events by pixels along the line, the first at `along_at`; fading slowly. A gap in them parts the
@@ -108,17 +107,15 @@ class LineTracker {
   [[nodiscard]] const TrackOptions& options() const { return options_; }
 
  private:
-  struct Candidate;
-  struct Fast;  // a track's prediction in single precision, and the batch's sums
   void predict(LineTrack& track, Time t) const;
   void advance(LineTrack& track, Time t) const;
-  void draw(std::uint16_t index, const Fast& line, float band);
-  void correct(LineTrack& track, const Fast& sums, double noise, double duration);
+  [[nodiscard]] static ClaimingLine claiming(LineTrack& track);
+  void correct(LineTrack& track, const ClaimingLine& sums, double noise, double duration);
   void judge(LineTrack& track, Time now);
   void part(LineTrack& track, Time now);
   void confirm(LineTrack& track, Time now);
-  static void count_end(LineTrack::EndCounts& counts, float beyond);
-  static double move_end(LineTrack::EndCounts& counts, float density);
+  static double move_end(EndCounts& counts, float density);
+  void search(std::span<const Event> events, double duration);
   void seed(const LineSeed& seed);
   void carry_lost(Time now);
   void merge_lines(Time now);
@@ -128,15 +125,15 @@ class LineTracker {
   [[nodiscard]] Eigen::Vector2d flow(const Eigen::Vector2d& px) const;
 
   static constexpr double kFastestScale = 0.001;  // [s/px]
-  static constexpr float kCoreGate = 0.67F;       // of the gate: near the line
-  static constexpr float kParallel = 0.99F;       // cosine between two pieces of one line
   static constexpr double kMinDensity = 0.12;     // events per px of line and px of motion
 
   TrackOptions options_;
   const UndistortMap* undistort_;
+  LineClaims claims_;
   LineDetector detector_;
   std::vector<LineTrack> tracks_;
-  std::vector<LineTrack> parted_;  // pieces that the batch at hand has cut off
+  std::vector<ClaimingLine> lines_;  // the tracks, for the batch at hand
+  std::vector<LineTrack> parted_;    // pieces that the batch at hand has cut off
   std::vector<LineTrack>
       lost_;  // confirmed ones that ended of late, moved on: a new one there goes on as them
   // What is still asked of a track after its end.
@@ -153,21 +150,8 @@ class LineTracker {
   // Affine image flow: of (1, x, y) from the image's middle in units of half its width [px/s].
   Eigen::Matrix<double, 2, 3> flow_ = Eigen::Matrix<double, 2, 3>::Zero();
   Time next_merge_ = 0;
-  // The undistorted plane in cells, each naming up to three lines.
-  Eigen::Vector2f low_ = Eigen::Vector2f::Zero();  // corner of the first cell
-  int cols_ = 0, rows_ = 0;
-  struct Claim {
-    std::array<std::uint16_t, 3> line{};  // index + 1; 0 = none
-  };
-  std::vector<Claim> claims_;
-  std::vector<std::uint32_t> drawn_;
-  struct Pixel {
-    float x, y;  // undistorted
-    std::uint32_t cell;
-    std::uint32_t lonely;  // events without a neighbour's support, fading: many of a hot pixel
-  };
-  std::vector<Pixel> pixels_;
-  std::vector<std::uint32_t> last_[2];  // event of a pixel and polarity [us]
+  std::vector<std::uint8_t> loneliness_;  // events without a neighbour's support, fading: many of a hot pixel
+  std::vector<std::uint32_t> last_[2];    // event of a pixel and polarity [us]
   Time next_fade_ = 0, last_batch_ = 0;
   std::int64_t hot_ = 0, unsupported_ = 0;
   double background_ = 0;  // events of noise [1/(px s)]

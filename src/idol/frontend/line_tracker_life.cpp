@@ -71,13 +71,13 @@ std::optional<std::pair<double, double>> find_gap(const LineTrack& track) {
 }  // namespace
 
 // How far an end goes out, to where two pixels together have too few events; the counts move with it [px].
-double LineTracker::move_end(LineTrack::EndCounts& counts, float density) {
+double LineTracker::move_end(EndCounts& counts, float density) {
   const int size = static_cast<int>(counts.size());
   int end = 0;
   while (end + 1 < size && counts[end] + counts[end + 1] > 2 * kEndDensity * density) ++end;
   if (end > 0 && counts[end] > kEndDensity * density) ++end;
-  const int moved = end - LineTrack::kInside;
-  LineTrack::EndCounts shifted;
+  const int moved = end - kEndInside;
+  EndCounts shifted;
   for (int k = 0; k < size; ++k) {
     const int from = k + moved;
     shifted[k] = from < 0 ? density : from < size ? counts[from] : 0;
@@ -106,7 +106,7 @@ void LineTracker::judge(LineTrack& track, Time now) {
   const double near = track.core + track.ring;
   if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
   const double excess = track.ring - (1 / kMinCore - 1) * track.core;
-  double variance = (2 - kCoreGate) * track.noise;
+  double variance = (2 - LineClaims::kCoreGate) * track.noise;
   if (track.noise > kNoisy * near) variance += std::max(0.0, track.ring) + std::max(0.0, track.core) / 2;
   if (near > 30 && excess > kSure * std::sqrt(variance)) track.alive = false;
   const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
@@ -131,7 +131,7 @@ void LineTracker::confirm(LineTrack& track, Time now) {
   double nearest = kLostNear;
   for (auto it = lost_.begin(); it != lost_.end(); ++it) {
     LineTrack& lost = *it;
-    if (std::abs(lost.dir.dot(track.dir)) < kParallel) continue;
+    if (std::abs(lost.dir.dot(track.dir)) < LineClaims::kParallel) continue;
     advance(lost, now);
     const auto [worst, least, most] = extent_on(lost, track);
     const double overlap = std::min(most, lost.hi) - std::max(least, lost.lo);
@@ -158,10 +158,10 @@ void LineTracker::part(LineTrack& track, Time now) {
   LineTrack& low = low_is_longer ? track : other;
   LineTrack& high = low_is_longer ? other : track;
   low.hi = end, high.lo = begin;
-  const auto share = [&](LineTrack& piece, LineTrack::EndCounts& cut) {
+  const auto share = [&](LineTrack& piece, EndCounts& cut) {
     const double part = std::max(0.0, piece.hi - piece.lo) / length;
     cut.setZero();
-    cut.head<LineTrack::kInside>() = static_cast<float>(piece.all / length);
+    cut.head<kEndInside>() = static_cast<float>(piece.all / length);
     for (double* sum : {&piece.core, &piece.ring, &piece.contrast, &piece.bow, &piece.bow_n, &piece.spread,
                         &piece.noise, &piece.all})
       *sum *= part;

@@ -9,19 +9,15 @@
 namespace idol {
 namespace {
 
-constexpr std::size_t kBytes = Patch::kLanes * sizeof(float);
-using Ints [[gnu::vector_size(kBytes)]] = std::int32_t;
-using Lanes [[gnu::vector_size(kBytes)]] = float;
-
 // The sums of four vectors' lanes, in the first four lanes of the last.
 template <class V>
 [[gnu::always_inline]] inline void sum_each(const V& a, const V& b, const V& c, const V& d, V& out) {
-  constexpr Ints kEven{0, 8, 2, 10, 4, 12, 6, 14}, kOdd{1, 9, 3, 11, 5, 13, 7, 15};
+  constexpr IntLanes kEven{0, 8, 2, 10, 4, 12, 6, 14}, kOdd{1, 9, 3, 11, 5, 13, 7, 15};
   const V ab = __builtin_shuffle(a, b, kEven) + __builtin_shuffle(a, b, kOdd);
   const V cd = __builtin_shuffle(c, d, kEven) + __builtin_shuffle(c, d, kOdd);
-  out = __builtin_shuffle(ab, cd, Ints{0, 1, 8, 9, 4, 5, 12, 13}) +
-        __builtin_shuffle(ab, cd, Ints{2, 3, 10, 11, 6, 7, 14, 15});
-  out += __builtin_shuffle(out, Ints{4, 5, 6, 7, 0, 1, 2, 3});
+  out = __builtin_shuffle(ab, cd, IntLanes{0, 1, 8, 9, 4, 5, 12, 13}) +
+        __builtin_shuffle(ab, cd, IntLanes{2, 3, 10, 11, 6, 7, 14, 15});
+  out += __builtin_shuffle(out, IntLanes{4, 5, 6, 7, 0, 1, 2, 3});
 }
 
 // One plane a lane. The least eigenvalue is by Laguerre's method on the characteristic polynomial, from 0 on:
@@ -78,32 +74,32 @@ IDOL_WIDE void fit_lanes(PlaneLanes& lanes) {
 
 IDOL_WIDE void sum_patch(Patch& patch, const std::uint32_t* stamps, std::ptrdiff_t stride, std::uint32_t now,
                          std::uint32_t span, float per_us) {
-  constexpr Ints kUsed{-1, -1, -1, -1, -1, -1, -1, 0};
+  constexpr IntLanes kUsed{-1, -1, -1, -1, -1, -1, -1, 0};
   constexpr int kReach = Patch::kReach;
   static_assert(kReach == 3);
-  Ints n{}, n1{}, n2{};  // number, sum of the sums up to each row, and of the sums of these
-  Lanes z{}, yz{}, zz{};
+  IntLanes n{}, n1{}, n2{};  // number, sum of the sums up to each row, and of the sums of these
+  FloatLanes z{}, yz{}, zz{};
   for (int row = 0; row < Patch::kSize; ++row) {
-    Ints at;
-    std::memcpy(&at, stamps + (row - kReach) * stride - kReach, kBytes);
+    IntLanes at;
+    std::memcpy(&at, stamps + (row - kReach) * stride - kReach, kLaneBytes);
     // An age beyond the span may be anything, negative too.
-    const Ints age = static_cast<std::int32_t>(now) - at;
-    const Ints use = (age >= 0) & (age <= static_cast<std::int32_t>(span)) & (at != 0) & kUsed;
-    const Lanes depth = __builtin_convertvector(age & use, Lanes) * -per_us;
+    const IntLanes age = static_cast<std::int32_t>(now) - at;
+    const IntLanes use = (age >= 0) & (age <= static_cast<std::int32_t>(span)) & (at != 0) & kUsed;
+    const FloatLanes depth = __builtin_convertvector(age & use, FloatLanes) * -per_us;
     n -= use, n1 += n, n2 += n1;
     z += depth, yz += depth * static_cast<float>(row - kReach), zz += depth * depth;
-    std::memcpy(&patch.used[static_cast<std::size_t>(row)], &use, kBytes);
-    std::memcpy(&patch.age[static_cast<std::size_t>(row)], &age, kBytes);
+    std::memcpy(&patch.used[static_cast<std::size_t>(row)], &use, kLaneBytes);
+    std::memcpy(&patch.age[static_cast<std::size_t>(row)], &age, kLaneBytes);
   }
   // A row counts 4 - y times in n1, and (4 - y) (5 - y) / 2 times in n2.
-  const Ints y = 4 * n - n1, yy = 16 * n - 9 * n1 + 2 * n2;
-  constexpr Ints kX{-3, -2, -1, 0, 1, 2, 3, 0};
-  const Ints x = kX * n;
-  Ints few, products;
-  Lanes depths;
-  sum_each<Ints>(n, x, y, kX * x, few);
-  sum_each<Ints>(kX * y, yy, Ints{}, Ints{}, products);
-  sum_each<Lanes>(z, __builtin_convertvector(kX, Lanes) * z, yz, zz, depths);
+  const IntLanes y = 4 * n - n1, yy = 16 * n - 9 * n1 + 2 * n2;
+  constexpr IntLanes kX{-3, -2, -1, 0, 1, 2, 3, 0};
+  const IntLanes x = kX * n;
+  IntLanes few, products;
+  FloatLanes depths;
+  sum_each<IntLanes>(n, x, y, kX * x, few);
+  sum_each<IntLanes>(kX * y, yy, IntLanes{}, IntLanes{}, products);
+  sum_each<FloatLanes>(z, __builtin_convertvector(kX, FloatLanes) * z, yz, zz, depths);
   patch.sums = {few[0],      few[1],    few[2],    few[3],    products[0],
                 products[1], depths[0], depths[1], depths[2], depths[3]};
 }
@@ -112,26 +108,26 @@ IDOL_WIDE void mark_alike(const Patch& patch, const LocalEdges& edges, std::size
                           std::ptrdiff_t stride, const EdgeLimits& limits,
                           std::array<unsigned, 2 * kAlikeReach + 1>& out) {
   static_assert(kAlikeReach == 2 && Patch::kReach == 3);
-  constexpr Ints kUsed{0, -1, -1, -1, -1, -1, 0, 0}, kBit{1, 2, 4, 8, 16, 32, 64, 128};
-  constexpr Lanes kX{3, 2, 1, 0, -1, -2, -3, -4};  // of the middle, from each pixel
+  constexpr IntLanes kUsed{0, -1, -1, -1, -1, -1, 0, 0}, kBit{1, 2, 4, 8, 16, 32, 64, 128};
+  constexpr FloatLanes kX{3, 2, 1, 0, -1, -2, -3, -4};  // of the middle, from each pixel
   const float nx = edges.nx[pixel], ny = edges.ny[pixel], speed = edges.speed[pixel];
-  const auto load = [&](auto& lanes, const auto* from) { std::memcpy(&lanes, from, kBytes); };
+  const auto load = [&](auto& lanes, const auto* from) { std::memcpy(&lanes, from, kLaneBytes); };
   for (int dy = -kAlikeReach; dy <= kAlikeReach; ++dy) {
     const auto row = static_cast<std::size_t>(dy + Patch::kReach);
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(pixel) + dy * stride - Patch::kReach;
-    Ints use, age, cluster;
-    Lanes other_nx, other_ny, other_speed;
+    IntLanes use, age, cluster;
+    FloatLanes other_nx, other_ny, other_speed;
     load(use, &patch.used[row]), load(age, &patch.age[row]), load(cluster, edges.cluster.data() + at);
     load(other_nx, edges.nx.data() + at), load(other_ny, edges.ny.data() + at);
     load(other_speed, edges.speed.data() + at);
     const auto y = static_cast<float>(-dy);
-    const Lanes seconds = __builtin_convertvector(age & use, Lanes) * 1e-6F;
-    const Lanes mine = nx * kX + ny * y - speed * seconds;
-    const Lanes theirs = other_nx * kX + other_ny * y - other_speed * seconds;
-    const Ints alike = use & kUsed & (cluster != 0) & (nx * other_nx + ny * other_ny >= limits.cosine) &
-                       (mine <= limits.distance) & (mine >= -limits.distance) & (theirs <= limits.distance) &
-                       (theirs >= -limits.distance);
-    const Ints bits = alike & kBit;
+    const FloatLanes seconds = __builtin_convertvector(age & use, FloatLanes) * 1e-6F;
+    const FloatLanes mine = nx * kX + ny * y - speed * seconds;
+    const FloatLanes theirs = other_nx * kX + other_ny * y - other_speed * seconds;
+    const IntLanes alike = use & kUsed & (cluster != 0) & (nx * other_nx + ny * other_ny >= limits.cosine) &
+                           (mine <= limits.distance) & (mine >= -limits.distance) &
+                           (theirs <= limits.distance) & (theirs >= -limits.distance);
+    const IntLanes bits = alike & kBit;
     unsigned sum = 0;
     for (int k = 1; k <= 2 * kAlikeReach + 1; ++k) sum |= static_cast<unsigned>(bits[k]);
     out[static_cast<std::size_t>(dy + kAlikeReach)] = sum;
