@@ -18,6 +18,7 @@ constexpr double kTimeShift = 0.0008;  // [s]
 constexpr double kLag = 0.1;           // [px]
 constexpr double kWindow = 0.05;       // [s]
 constexpr int kBins = 2, kEvents = 40;
+const Vec3 kMove(0.4, 0.3, 0);  // [m]
 
 struct World {
   SineMotion motion;
@@ -81,11 +82,18 @@ std::shared_ptr<const Preintegration> integrate(std::span<const ImuSample> sampl
                                           from_seconds(end), bias, noise, PreintegrationOptions{});
 }
 
-// Runs the estimator over some seconds from a first state that is off by what its prior allows.
-FixedLag run(const World& world, const BackendOptions& options, double seconds, std::mt19937& rng) {
+// Runs the estimator over some seconds from a first state that is off by what its prior allows. From
+// `moved_at` on all lines are elsewhere.
+struct Outcome {
+  FixedLag estimator;
+  SolveStats last;
+};
+Outcome run(World world, const BackendOptions& options, double seconds, std::mt19937& rng,
+            double moved_at = 1e9) {
   std::normal_distribution<double> normal;
   const auto random = [&](double sigma) { return Vec3(sigma * Vec3(normal(rng), normal(rng), normal(rng))); };
-  FixedLag estimator(world.rig, options);
+  Outcome outcome{FixedLag(world.rig, options), {}};
+  FixedLag& estimator = outcome.estimator;
   NavState first = world.motion.state(0);
   const Vec3 tilt = random(0.05);
   first.T_w_i.q = quat_exp(Vec3(tilt.x(), tilt.y(), 0)) * first.T_w_i.q;
@@ -97,6 +105,10 @@ FixedLag run(const World& world, const BackendOptions& options, double seconds, 
       world.motion.readings(-0.1, seconds + 0.1, world.rig.imu.rate_hz, world.bias, &world.rig.imu, rng());
   for (int w = 0; w < static_cast<int>(std::lround(seconds / kWindow)); ++w) {
     const double begin = w * kWindow;
+    if (begin > moved_at) {
+      for (LineEnds& line : world.lines) line.a += kMove, line.b += kMove;
+      moved_at = 1e9;
+    }
     WindowMeasurement window;
     window.imu = integrate(samples, begin, estimator.latest().bias, world.rig.imu);
     const auto middle = [&](int k) { return begin + (k + 0.5) * kWindow / kBins; };
@@ -116,9 +128,9 @@ FixedLag run(const World& world, const BackendOptions& options, double seconds, 
       window.lines.push_back(std::move(seen));
     }
     estimator.add(std::move(window));
-    estimator.solve();
+    outcome.last = estimator.solve();
   }
-  return estimator;
+  return outcome;
 }
 
 TEST(Consistency, TheCovarianceIsHonest) {
@@ -128,7 +140,7 @@ TEST(Consistency, TheCovarianceIsHonest) {
   for (int k = 0; k < kRuns; ++k) {
     std::mt19937 rng(static_cast<unsigned>(k));
     const World world(rng);
-    const FixedLag estimator = run(world, honest_options(), kSeconds, rng);
+    const FixedLag estimator = run(world, honest_options(), kSeconds, rng).estimator;
     ASSERT_TRUE(estimator.covariance().has_value());
     ASSERT_GT(estimator.line_count(), 8U);
     const NavState &now = estimator.latest(), truth = world.motion.state(kSeconds);
@@ -178,6 +190,20 @@ TEST(Consistency, ALongRestTellsTheBiasOfTheGyro) {
   EXPECT_LT(now.T_w_i.p.norm(), 0.02);
 }
 
+// Known lines that all contradict the state mean that it is lost; it goes on with a new map.
+TEST(Consistency, LinesOutOfPlaceMeanLost) {
+  std::mt19937 rng(6);
+  const World world(rng);
+  BackendOptions options = honest_options();
+  options.lag_windows = 20;
+  options.bin_cauchy_sigmas = 1;
+  EXPECT_EQ(run(world, options, 3, rng).last.restarts, 0);
+  const Outcome moved = run(world, options, 3, rng, 1);
+  EXPECT_EQ(moved.last.restarts, 1);
+  EXPECT_GT(moved.estimator.line_count(), 8U);
+  EXPECT_LT((moved.estimator.latest().v_w - world.motion.state(3).v_w).norm(), 0.1);
+}
+
 // Position and yaw of everything can be chosen freely: the measurements must not add information about them,
 // however many windows have gone into the prior at different linearisation points.
 TEST(Consistency, UnobservableDirectionsStayUnknown) {
@@ -186,7 +212,7 @@ TEST(Consistency, UnobservableDirectionsStayUnknown) {
   BackendOptions options = honest_options();
   options.start_pose_sigma = 0.3;
   options.start_velocity_sigma = 10;  // a known velocity would say something about the yaw
-  FixedLag estimator = run(world, options, 2.5, rng);
+  FixedLag estimator = run(world, options, 2.5, rng).estimator;
   for (int k = 0; k < 3; ++k) estimator.solve();  // until the covariance is of the very state we ask for
   ASSERT_GT(estimator.line_count(), 8U);
   const StateMat information = estimator.covariance()->ldlt().solve(StateMat::Identity());

@@ -14,6 +14,7 @@ constexpr double kEnoughAtLast = 1e-4;
 constexpr double kEnoughToSettle = 1e-5;
 constexpr int kIterationsToSettle = 30;
 constexpr std::size_t kLagToSettle = 3;  // times the usual
+constexpr double kFastest = 30;          // that a camera in a hand can be [m/s]
 
 }  // namespace
 
@@ -76,7 +77,7 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   LineId id = seen.id;
   if (const auto it = alias_.find(id); it != alias_.end()) id = it->second;
   auto found = tracks_.find(id);
-  if (found == tracks_.end() || !found->second.mapped) {
+  if (!seen.tentative && (found == tracks_.end() || !found->second.mapped)) {
     if (const auto known = known_line(seen, window)) {
       alias_[seen.id] = *known;
       if (found != tracks_.end()) tracks_.erase(found);
@@ -86,6 +87,7 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   if (found == tracks_.end()) found = tracks_.try_emplace(id).first;
   Track& track = found->second;
   if (track.dead) return;
+  track.sure = track.sure || !seen.tentative;
   if (track.windows == 0) track.first_window = window;
   if (track.windows == 0 || track.last_window != window) ++track.windows;
   track.last_window = window;
@@ -101,12 +103,13 @@ SolveStats FixedLag::solve() {
   const std::vector<LineId> ids = active_lines();
   const ReducedPrior reduced = reduced_prior(ids);
   // While everything is in the lag a bad start can still be undone, which takes longer.
-  const int iterations = first_ == 0 ? 2 * options_.max_iterations : options_.max_iterations;
+  const int iterations = first_ == begun_ ? 2 * options_.max_iterations : options_.max_iterations;
   SolveStats stats = settled_ ? optimise(ids, reduced.prior, iterations, kEnoughOnTheWay)
                               : optimise(ids, reduced.prior, kIterationsToSettle, kEnoughToSettle);
   update_resting_lines(reduced);
   cull();
   measure_extents();
+  misfit_s_ = newest_misfits() ? misfit_s_ + seconds_between(states_.end()[-2].t, states_.back().t) : 0;
   if (lost()) restart();
   settled_ = settled_ || knows_velocity();
   const SolveStats newest = newest_stats();
@@ -117,12 +120,27 @@ SolveStats FixedLag::solve() {
   return stats;
 }
 
-// Long without a known line while moving, or a state that no camera in a hand can have.
+// Long without a known line while moving, or with lines that are not where they should be; or a state that no
+// camera in a hand can have.
 bool FixedLag::lost() const {
-  constexpr double kBlind = 2.0, kFastest = 30, kBias = 3;
+  constexpr double kBlind = 2.0, kMisfit = 0.4, kBias = 3;
   const NavState& now = states_.back();
-  return blind_s_ > kBlind || !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest) ||
-         !(now.bias.accel.norm() < kBias);
+  return blind_s_ > kBlind || misfit_s_ > kMisfit || !now.T_w_i.p.allFinite() ||
+         !(now.v_w.norm() < kFastest) || !(now.bias.accel.norm() < kBias);
+}
+
+// Of the known lines in sight, many contradict the state.
+bool FixedLag::newest_misfits() const {
+  constexpr int kFew = 8;
+  constexpr double kShare = 1.0 / 3;
+  int seen = 0, misfits = 0;
+  for (const auto& [id, track] : tracks_) {
+    if (!track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size())
+      continue;
+    ++seen;
+    misfits += track.seen.back().rejected ? 1 : 0;
+  }
+  return seen >= kFew && misfits > kShare * seen;
 }
 
 // With it come tilt and scale.
@@ -131,24 +149,33 @@ bool FixedLag::knows_velocity() const {
   return covariance_ && covariance_->block<3, 3>(6, 6).diagonal().cwiseSqrt().maxCoeff() < kSigma;
 }
 
-// Goes on from the last believable pose with a new map and an unknown velocity.
+// Goes on from the last believable pose with a new map and an unknown velocity. From a start that came to
+// nothing only the turns since then are believed.
 void FixedLag::restart() {
   constexpr double kGyroBias = 0.05;
   ++restarts_;
-  blind_s_ = 0;
+  blind_s_ = misfit_s_ = 0;
   NavState now = states_.back();
+  const bool absurd = !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest);
+  if (!settled_) {
+    const NavState& first = states_[begun_];
+    now.T_w_i.q = (gauge_.state.T_w_i.q * first.T_w_i.q.inverse() * now.T_w_i.q).normalized();
+    now.v_w.setZero();
+    now.bias = gauge_.state.bias;
+  }
   const NavState& believable = states_[first_];
-  if (!now.T_w_i.p.allFinite() || !(now.v_w.norm() < 30)) {
+  if (absurd) {
     now.T_w_i = believable.T_w_i;
     now.v_w = believable.v_w.norm() < 3 ? believable.v_w : Vec3::Zero();
   }
   if (!(now.bias.accel.norm() < 1)) now.bias.accel.setZero();
   if (!(now.bias.gyro.norm() < kGyroBias)) now.bias.gyro = gauge_.state.bias.gyro;
   states_.back() = now;
-  first_ = states_.size() - 1;
+  first_ = begun_ = states_.size() - 1;
   tracks_.clear();
   alias_.clear();
   set_prior(now, false);
+  gauge_ = prior_;
   covariance_.reset();
   settled_ = false;
   drop_past();
@@ -198,17 +225,17 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior
 }
 
 bool FixedLag::keeps_past() const {
-  return restarts_ == 0 && seconds_between(states_.front().t, states_.back().t) <= options_.last_pass_s;
+  return seconds_between(states_[begun_].t, states_.back().t) <= options_.last_pass_s;
 }
 
 SolveStats FixedLag::finish() {
-  if (!keeps_past()) return {};
+  if (!keeps_past() || begun_ + 1 >= states_.size()) return {};
   for (auto& [id, track] : tracks_) {
     track.seen.insert(track.seen.begin(), std::make_move_iterator(track.past.begin()),
                       std::make_move_iterator(track.past.end()));
     track.past.clear();
   }
-  first_ = 0;
+  first_ = begun_;
   prior_ = gauge_;
   move_cameras();
   SolveStats stats;

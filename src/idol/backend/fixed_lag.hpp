@@ -20,7 +20,7 @@ class FixedLag : public Backend {
   void start(const NavState& first, bool still) override;
   void add(WindowMeasurement window) override;
   SolveStats solve() override;
-  /// A last pass over everything seen, if the recording is not too long for it.
+  /// A last pass over everything seen since the last restart, if that is not too long for it.
   SolveStats finish() override;
   [[nodiscard]] std::vector<Line> lines() const override;
   [[nodiscard]] std::size_t line_count() const override;
@@ -34,7 +34,7 @@ class FixedLag : public Backend {
     bool rejected = false;
   };
   struct Track {
-    bool mapped = false, dead = false;
+    bool sure = false, mapped = false, dead = false;
     AnchoredLine line;
     std::vector<Observation> seen;  // in the active windows
     std::vector<Observation> past;  // before them, for the last pass
@@ -123,6 +123,7 @@ class FixedLag : public Backend {
   void marginalise_oldest();
   void drop_past();
   [[nodiscard]] bool lost() const;
+  [[nodiscard]] bool newest_misfits() const;
   [[nodiscard]] bool knows_velocity() const;
   void restart();
   void set_prior(const NavState& first, bool still);
@@ -146,7 +147,9 @@ class FixedLag : public Backend {
   Prior prior_, gauge_;
   std::size_t dropped_ = 0;  // windows of which only the states are left
   double blind_s_ = 0;       // how long no known line has been seen, in motion
+  double misfit_s_ = 0;      // how long many have been where they should not be
   int restarts_ = 0;
+  std::size_t begun_ = 0;               // first state since
   std::optional<StateMat> covariance_;  // of the newest state
   bool settled_ = false;
 };

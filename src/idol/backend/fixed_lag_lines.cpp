@@ -65,8 +65,8 @@ double FixedLag::typical_depth() const {
 void FixedLag::make_lines() {
   const bool few = std::ssize(active_lines()) < (settled_ ? 1 : kMoreToSettle) * options_.few_lines;
   for (auto& [id, track] : tracks_) {
-    if (track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size() ||
-        std::ssize(track.seen) < options_.min_windows)
+    if (!track.sure || track.mapped || track.dead || track.seen.empty() ||
+        track.last_window + 1 != windows_.size() || std::ssize(track.seen) < options_.min_windows)
       continue;
     track.mapped = triangulate(track) || (few && guess(id, track));
   }

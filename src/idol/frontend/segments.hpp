@@ -94,6 +94,9 @@ struct SegmentedWindow {
   /// One an event of the window (overlap included): of its segment, if that is clear; kNoLine = none.
   std::vector<LineId> ids;
   std::vector<Segment> segments;
+  /// Of lines that have hardly moved yet: they may turn out to be none. If they are, their next segment is
+  /// among `segments`.
+  std::vector<Segment> tentative;
   double c_s_per_px = 0;  ///< temporal scale used
   double speed_px_s = 0;  ///< median image speed along the normals
 };

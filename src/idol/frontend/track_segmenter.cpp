@@ -57,16 +57,17 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
   out.c_s_per_px = tracker_.c_s_per_px();
   out.speed_px_s = 1 / out.c_s_per_px;
   std::erase_if(out.segments, [&](Segment& s) {
+    const bool confirmed = tracker_.confirmed(s.id);
     std::optional<MovingLine> line;
-    if (tracker_.confirmed(s.id) && std::ssize(s.events) >= options_.min_events)
-      line = fit_track(window, s.events, s.id);
+    if (std::ssize(s.events) >= options_.min_events) line = fit_track(window, s.events, s.id);
     if (line) {
       s.line = *line;
-      s.clear = waviness(window, s.events, s.line, *undistort_) <= options_.max_wave_px;
+      s.clear = confirmed && waviness(window, s.events, s.line, *undistort_) <= options_.max_wave_px;
     }
     if (!line || !s.clear)
       for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
-    return !line;
+    if (line && !confirmed) out.tentative.push_back(std::move(s));
+    return !line || !confirmed;
   });
   counts_.add(window, out.ids);
   tracker_.forget_before(window.begin);

@@ -281,17 +281,22 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
     const auto it = track_windows_.find(s.id);
     return it == track_windows_.end() ? 0 : it->second;
   };
+  const auto most = static_cast<std::size_t>(options_.backend.max_lines_per_window);
   std::vector<const Segment*> chosen;
   for (const auto& segment : segments.segments) chosen.push_back(&segment);
   std::stable_sort(chosen.begin(), chosen.end(), [&](const Segment* a, const Segment* b) {
     return std::pair(age(*a), a->line.length_px()) > std::pair(age(*b), b->line.length_px());
   });
-  if (std::ssize(chosen) > options_.backend.max_lines_per_window)
-    chosen.resize(static_cast<std::size_t>(options_.backend.max_lines_per_window));
+  chosen.resize(std::min(chosen.size(), most));
+  const std::size_t sure = chosen.size();
+  if (options_.backend.method == BackendMethod::kFixedLag)
+    for (const auto& segment : segments.tentative)
+      if (chosen.size() < most) chosen.push_back(&segment);
 
   std::vector<LineObservation> out;
   const auto measure = [&](const Vec2& px, Time t) { return EventMeasurement{px, imu.at(t)}; };
-  for (const Segment* segment : chosen) {
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    const Segment* const segment = chosen[k];
     // The repeated events belong to the window before; a segment with hardly any of its own is not seen in
     // this one.
     const auto own = std::lower_bound(segment->events.begin(), segment->events.end(),
@@ -300,6 +305,7 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
     if (count < 2) continue;
     LineObservation observation;
     observation.id = segment->id;
+    observation.tentative = k >= sure;
     observation.event_count = static_cast<std::int64_t>(count);
     const std::span own_events(own, segment->events.end());
     if (options_.backend.method == BackendMethod::kFixedLag)
