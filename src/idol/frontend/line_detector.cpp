@@ -14,7 +14,7 @@ constexpr float kMinPlanarity = 0.5F;
 constexpr EdgeLimits kAlike{0.9F, 1};  // of neighbours in one line
 constexpr int kBlock = 8;              // pieces of the image, in which events may be thinned [px]
 constexpr int kPatience = 24;          // passages there of late, before only one of kFewer is looked at
-constexpr int kFewer = 3;
+constexpr int kFewer = 4;
 constexpr double kFadeEvery = 0.2;      // [s]: a quarter of them is forgotten
 constexpr int kMinCluster = 24;         // passages before a cluster is tested, and between tests
 constexpr double kMaxThickness = 0.62;  // rms distance of a cluster's events from its moving line [px]
@@ -116,12 +116,15 @@ bool LineDetector::promising(const Event& event) {
   return block.tried < kPatience || ++block.passed % kFewer == 0;
 }
 
-// Where a line is there may be more.
-void LineDetector::encourage(const Event& event) {
-  const int x = event.x / kBlock, y = event.y / kBlock;
-  for (int row = std::max(0, y - 1); row <= std::min(y + 1, block_rows_ - 1); ++row)
-    for (int col = std::max(0, x - 1); col <= std::min(x + 1, block_cols_ - 1); ++col)
-      blocks_[static_cast<std::size_t>(row * block_cols_ + col)].tried = 0;
+// Where a line is there may be more of it: about there, since its place is undistorted.
+void LineDetector::encourage(const LineSeed& seed) {
+  const Eigen::Vector2d dir(-seed.normal.y(), seed.normal.x());
+  for (double u = -seed.length / 2; u <= seed.length / 2; u += 0.5 * kBlock) {
+    const Eigen::Vector2d at = (seed.centre + u * dir) / kBlock;
+    if (at.minCoeff() < 0 || at.x() >= block_cols_ || at.y() >= block_rows_) continue;
+    blocks_[static_cast<std::size_t>(static_cast<int>(at.y()) * block_cols_ + static_cast<int>(at.x()))]
+        .tried = 0;
+  }
 }
 
 std::span<const LineSeed> LineDetector::end_batch() {
@@ -182,7 +185,7 @@ void LineDetector::grow(const Event& event, const Patch& patch, Eigen::Vector3f 
   mine->m += d * d.transpose();
   if (mine->n < kMinCluster || mine->n < mine->tested + 8) return;
   mine->tested = mine->n;
-  if (test(*mine, event.t)) encourage(event);
+  if (test(*mine, event.t)) encourage(seeds_.back());
 }
 
 bool LineDetector::test(Cluster& cluster, Time now) {

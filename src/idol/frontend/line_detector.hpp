@@ -69,7 +69,7 @@ class LineDetector {
   void grow_waiting();
   void grow(const Event& event, const Patch& patch, Eigen::Vector3f normal);
   bool test(Cluster& cluster, Time now);
-  void encourage(const Event& event);
+  void encourage(const LineSeed& seed);
 
   const UndistortMap* undistort_;
   int width_, height_;
