@@ -135,8 +135,7 @@ bool FixedLag::newest_misfits() const {
   constexpr double kShare = 1.0 / 3;
   int seen = 0, misfits = 0;
   for (const auto& [id, track] : tracks_) {
-    if (!track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size())
-      continue;
+    if (!in_sight(track)) continue;
     ++seen;
     misfits += track.seen.back().rejected ? 1 : 0;
   }
@@ -304,8 +303,7 @@ SolveStats FixedLag::newest_stats() const {
   int seen = 0;
   double squares = 0;
   for (const auto& [id, track] : tracks_) {
-    if (!track.mapped || track.dead || track.seen.empty() || track.last_window + 1 != windows_.size())
-      continue;
+    if (!in_sight(track)) continue;
     ++seen;
     squares += std::pow(rms_px(track, track.seen.back()), 2);
     stats.mean_track_s += seconds_between(states_[track.first_window].t, states_.back().t);

@@ -124,6 +124,10 @@ class FixedLag : public Backend {
   void drop_past();
   [[nodiscard]] bool lost() const;
   [[nodiscard]] bool newest_misfits() const;
+  // A line of the map that the newest window has seen.
+  [[nodiscard]] bool in_sight(const Track& track) const {
+    return track.mapped && !track.dead && !track.seen.empty() && track.last_window + 1 == windows_.size();
+  }
   [[nodiscard]] bool knows_velocity() const;
   void restart();
   void set_prior(const NavState& first, bool still);

@@ -171,8 +171,7 @@ bool FixedLag::guess(LineId id, Track& track) {
 void FixedLag::measure_extents() {
   constexpr std::size_t kKept = 32;
   for (auto& [id, track] : tracks_) {
-    if (!track.mapped || track.dead || track.seen.empty() || track.seen.back().window + 1 != windows_.size())
-      continue;
+    if (!in_sight(track)) continue;
     const Observation& seen = track.seen.back();
     const LineEnds ends = track.line.ends();
     const Vec3 along = (ends.b - ends.a).normalized();
