@@ -1,8 +1,8 @@
 // Judges the segments of simulated recordings against their true lines; prints rows of
 // docs/results_frontend.md:
-//   study_frontend [KEY=VALUE | from=S | to=S | noise=HZ | gyro=0]... SEQUENCE...
-// KEY: an option of `idol config`; noise: events of noise added, per pixel and second; gyro=0: the camera's
-// turns are not given.
+//   study_frontend [KEY=VALUE | from=S | to=S | noise=HZ | seed=N | gyro=0]... SEQUENCE...
+// KEY: an option of `idol config`; noise: events of noise added, per pixel and second, seed: other ones;
+// gyro=0: the camera's turns are not given.
 #include <fmt/format.h>
 
 #include <array>
@@ -33,6 +33,7 @@ constexpr double kViewStep = 0.01;  // [s]
 struct Settings {
   Options options;
   double from_s = 1.5, to_s = 1e30, noise_hz = 0;
+  unsigned seed = 1;
   bool gyro = true;
 };
 
@@ -253,7 +254,7 @@ std::vector<Event> read_events(const std::filesystem::path& sequence, const Came
   while (const auto packet = reader->next())
     events.insert(events.end(), packet->events.begin(), packet->events.end());
   if (events.empty() || settings.noise_hz <= 0) return events;
-  std::mt19937 rng(1);
+  std::mt19937 rng(settings.seed);
   const Time begin = events.front().t, end = events.back().t;
   const auto count = static_cast<std::size_t>(settings.noise_hz * camera.width * camera.height *
                                               seconds_between(begin, end));
@@ -341,6 +342,8 @@ int run(int argc, char** argv) {
       settings.gyro = value != "0";
     else if (key == "noise")
       settings.noise_hz = std::stod(value);
+    else if (key == "seed")
+      settings.seed = static_cast<unsigned>(std::stoul(value));
     else
       set_option(fields, key, value, "study_frontend");
   }

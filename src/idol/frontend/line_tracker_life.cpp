@@ -10,17 +10,19 @@
 namespace idol {
 namespace {
 
-constexpr double kEndFade = 0.6;      // of the counts about the ends at each look
-constexpr float kEndDensity = 0.5F;   // of the line's density: where it falls below, the line ends
-constexpr double kNoisy = 0.03;       // share of noise among a line's events that makes one look uncertain
-constexpr double kLostNear = 3;       // of its place then, at most [px]
-constexpr float kGapFade = 0.85F;     // of the counts along a line at each look
-constexpr float kGapEvents = 16;      // expected in two pixels, at least, before none there means a gap
-constexpr float kGapDensity = 0.12F;  // of the line's, at most, in two pixels of a gap
+constexpr double kEndFade = 0.6;        // of the counts about the ends at each look
+constexpr float kEndDensity = 0.5F;     // of the line's density: where it falls below, the line ends
+constexpr double kNoisy = 0.03;         // share of noise among a line's events that makes one look uncertain
+constexpr double kLostNear = 8;         // of its place then, at most [px]: lines get lost at sudden turns
+constexpr double kLostParallel = 0.96;  // cosine
+constexpr float kGapFade = 0.85F;       // of the counts along a line at each look
+constexpr float kGapEvents = 16;        // expected in two pixels, at least, before none there means a gap
+constexpr float kGapDensity = 0.12F;    // of the line's, at most, in two pixels of a gap
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
 constexpr double kConfirmTravel = 3;  // motion before a track gets known [px]
 constexpr double kFade = 0.6;         // of the statistics at each look
 constexpr double kMinCore = 0.6;      // share of near events among near and ring, else texture
+constexpr double kDensityGain = 0.2;  // at each look
 constexpr double kSure = 2;           // standard deviations of the noise
 
 // How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
@@ -104,13 +106,15 @@ void LineTracker::judge(LineTrack& track, Time now) {
   }
   if (track.fresh_travel < 1.5) return;
   const double near = track.core + track.ring;
+  const double density = std::max(0.0, track.core) / (length * track.fresh_travel);
+  track.density += (density - track.density) * (track.density > 0 ? kDensityGain : 1);
   if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
   const double excess = track.ring - (1 / kMinCore - 1) * track.core;
   double variance = (2 - LineClaims::kCoreGate) * track.noise;
   if (track.noise > kNoisy * near) variance += std::max(0.0, track.ring) + std::max(0.0, track.core) / 2;
   if (near > 30 && excess > kSure * std::sqrt(variance)) track.alive = false;
   const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
-  if (track.bow_n > 60 && bow > options_.max_bow_px) track.alive = false;
+  if (track.bow_n > 60 + track.noise && bow > options_.max_bow_px) track.alive = false;
   if (track.bow_n > 30 && track.spread > 0.64 * track.bow_n * options_.gate_px * options_.gate_px / 2.25)
     track.alive = false;
   if (track.alive && !track.confirmed && track.travel > kConfirmTravel && near > 40 &&
@@ -131,7 +135,7 @@ void LineTracker::confirm(LineTrack& track, Time now) {
   double nearest = kLostNear;
   for (auto it = lost_.begin(); it != lost_.end(); ++it) {
     LineTrack& lost = *it;
-    if (std::abs(lost.dir.dot(track.dir)) < LineClaims::kParallel) continue;
+    if (std::abs(lost.dir.dot(track.dir)) < kLostParallel) continue;
     advance(lost, now);
     const auto [worst, least, most] = extent_on(lost, track);
     const double overlap = std::min(most, lost.hi) - std::max(least, lost.lo);
@@ -232,17 +236,19 @@ void LineTracker::merge_lines(Time now) {
       predict(b, now);
       const double same = a.dir.dot(b.dir) > 0 ? 1 : -1;
       const auto [worst, least, most] = extent_on(a, b);
-      if (worst > 1.2 || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
+      // By the direction of the longer one, which is known better.
+      const double apart = b.hi - b.lo > a.hi - a.lo ? extent_on(b, a).worst : worst;
+      if (apart > 1.2 || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
       const double at = a.dir.dot(b.centre - a.centre);
       if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
       if (opposite(a, b)) continue;  // the two edges of a thin bar
       a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
       b.alive = false;
-      known_.at(b.id).merged_into = a.id;
-      if (b.confirmed && !a.confirmed) {
+      if (b.confirmed && !a.confirmed) {  // under the id that is known
         a.confirmed = true;
-        known_.at(a.id).confirmed = true;
+        std::swap(a.id, b.id);
       }
+      known_.at(b.id).merged_into = a.id;
     }
   }
   std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
