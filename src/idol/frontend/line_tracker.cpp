@@ -8,7 +8,6 @@ namespace idol {
 namespace {
 
 constexpr double kStopTime = 0.03;     // in which a line without events comes to rest [s]
-constexpr double kFewOfUsual = 0.1;    // of a line's usual events: it comes to rest
 constexpr double kLostMemory = 0.6;    // how long after its last event a line may come back [s]
 constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
 constexpr double kBatchSigma = 0.2;    // what the events of a batch err together [px]
@@ -185,10 +184,9 @@ void LineTracker::correct(LineTrack& track, const ClaimingLine& f, double noise,
   track.all += f.n - strip, track.unlooked += f.n - strip;
   if (std::abs(f.rate) > 25) track.contrast += f.rate > 0 ? f.contrast : -f.contrast;
   if (f.last > track.last_event) track.last_event = f.last;
-  // An edge with far fewer events of its own than its motion would give is not moving so.
-  const double least = std::max(kMinDensity, kFewOfUsual * track.density) * (track.hi - track.lo) *
-                       std::abs(track.x[2]) * duration;
-  if (least > 1 && f.n - strip < 2) track.x.tail<2>() *= std::exp(-duration / kStopTime);
+  // An edge without events of its own does not move.
+  const double expected = kMinDensity * (track.hi - track.lo) * std::abs(track.x[2]) * duration;
+  if (expected > 1 && f.n < 2 + strip) track.x.tail<2>() *= std::exp(-duration / kStopTime);
   if (f.n == 0) return;
   auto& waiting = track.waiting;
   waiting.n += f.n, waiting.u += f.u, waiting.uu += f.uu, waiting.r += f.r, waiting.ur += f.ur,

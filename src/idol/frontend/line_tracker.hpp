@@ -58,7 +58,6 @@ struct LineTrack {
   bool confirmed = false;
   bool alive = true;
   double travel = 0;        ///< motion since birth [px]
-  double density = 0;       ///< near events per pixel of line and pixel of motion, of late [1/px^2]
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
   double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0, spread = 0,
          noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate

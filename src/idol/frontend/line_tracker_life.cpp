@@ -22,7 +22,6 @@ constexpr double kOverlap = 1;  // of two tracks of one line, at least: its piec
 constexpr double kConfirmTravel = 3;  // motion before a track gets known [px]
 constexpr double kFade = 0.6;         // of the statistics at each look
 constexpr double kMinCore = 0.6;      // share of near events among near and ring, else texture
-constexpr double kDensityGain = 0.2;  // at each look
 constexpr double kSure = 2;           // standard deviations of the noise
 
 // How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
@@ -106,8 +105,6 @@ void LineTracker::judge(LineTrack& track, Time now) {
   }
   if (track.fresh_travel < 1.5) return;
   const double near = track.core + track.ring;
-  const double density = std::max(0.0, track.core) / (length * track.fresh_travel);
-  track.density += (density - track.density) * (track.density > 0 ? kDensityGain : 1);
   if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
   const double excess = track.ring - (1 / kMinCore - 1) * track.core;
   double variance = (2 - LineClaims::kCoreGate) * track.noise;
