@@ -117,6 +117,20 @@ TEST(TrackSegments, AnEdgeThatTurnsBackInNoiseIsOneTrack) {
   EXPECT_EQ(seen.size(), 1U);
 }
 
+// It stops within a pixel and goes on after a while: noise must not carry its track on.
+TEST(TrackSegments, AnEdgeThatStopsAtOnceInNoiseIsOneTrack) {
+  constexpr double kSpeed = 150, kRest = 0.15;
+  std::set<LineId> seen;
+  auto events = edge(kSpeed, 0.8, 0);
+  for (Event& e : events)
+    if (e.t > from_seconds(0.4)) e.t += from_seconds(kRest);
+  std::mt19937 rng(7);
+  add_noise(events, 5, 0.8 + kRest, rng);
+  for (const auto& window : run(events, 240, 180, 1000))
+    for (const Segment& s : window.segments) seen.insert(s.id);
+  EXPECT_EQ(seen.size(), 1U);
+}
+
 TEST(TrackSegments, PacketSizeChangesNothing) {
   const auto events = edge(300, 0.5, 3);
   std::vector<LineId> one, many;
