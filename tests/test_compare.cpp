@@ -35,7 +35,7 @@ fs::path write_compared_run(const TempDir& dir, const std::string& name, const s
 
 double value_of(const Comparison& comparison, const std::string& group, const std::string& name,
                 const std::string& key, bool change = false) {
-  for (const TableRow& row : comparison.table.rows)
+  for (const FiguresRow& row : comparison.table.rows)
     for (std::size_t c = 0; c < row.cells.size(); ++c)
       if (row.group == group && row.name == name && comparison.table.columns[c].key == key)
         return change ? row.cells[c].change_percent : row.cells[c].value;

@@ -17,14 +17,14 @@ constexpr float kFew = 3;   // events that have no mean yet
 
 // Of each event: place and time from the line's origin and middle time [px, s]; then its distance from the
 // line [px] and the cell it is in, of pieces of the line and slices of the window.
-struct Columns {
+struct PieceColumns {
   std::array<float, kMost> x, y, t, offset;
   std::array<int, kMost> cell;
 };
 
 void gather(const EventWindow& window, std::span<const std::uint32_t> events, const MovingLine& line,
-            const UndistortMap& undistort, std::size_t n, Columns& out) {
-  constexpr std::size_t kAhead = 16;
+            const UndistortMap& undistort, std::size_t n, PieceColumns& out) {
+  constexpr std::size_t kFetchedAhead = 16;
   const float step = static_cast<float>(events.size()) / static_cast<float>(n);
   const auto event = [&](std::size_t k) -> const Event& {
     return window.events[events[static_cast<std::size_t>((static_cast<float>(k) + 0.5F) * step)]];
@@ -32,7 +32,7 @@ void gather(const EventWindow& window, std::span<const std::uint32_t> events, co
   const Eigen::Vector2f origin = line.origin.cast<float>();
   const Time middle = window.begin + from_seconds(line.time);
   for (std::size_t k = 0; k < n; ++k) {
-    __builtin_prefetch(&event(std::min(k + kAhead, n - 1)));
+    __builtin_prefetch(&event(std::min(k + kFetchedAhead, n - 1)));
     const Event& e = event(k);
     const Eigen::Vector2f& px = undistort(e.x, e.y);
     out.x[k] = px.x() - origin.x();
@@ -42,7 +42,7 @@ void gather(const EventWindow& window, std::span<const std::uint32_t> events, co
 }
 
 // A plain loop over columns, which the compiler turns into wide registers.
-IDOL_WIDE void place(const MovingLine& line, float duration, std::size_t n, Columns& out) {
+IDOL_WIDE void place(const MovingLine& line, float duration, std::size_t n, PieceColumns& out) {
   const auto dx = static_cast<float>(line.direction.x()), dy = static_cast<float>(line.direction.y());
   const auto c0 = static_cast<float>(line.c[0]), c1 = static_cast<float>(line.c[1]);
   const auto c2 = static_cast<float>(line.c[2]), c3 = static_cast<float>(line.c[3]);
@@ -68,7 +68,7 @@ double waviness(const EventWindow& window, std::span<const std::uint32_t> events
                 const UndistortMap& undistort) {
   if (events.empty()) return 0;
   const std::size_t n = std::min(events.size(), kMost);
-  Columns columns;
+  PieceColumns columns;
   gather(window, events, line, undistort, n, columns);
   place(line, static_cast<float>(seconds_between(window.begin, window.end)), n, columns);
   struct Cell {

@@ -18,7 +18,7 @@ namespace idol {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 std::vector<ComparedFigure> list_figures() {
   std::vector<ComparedFigure> list;

@@ -67,9 +67,9 @@ double change_percent(double value, double base) {
   return base != 0 ? 100 * (value / base - 1) : std::numeric_limits<double>::quiet_NaN();
 }
 
-TableRow row_of(const std::string& group, const std::string& name, const std::vector<double>& figures,
-                const std::vector<double>* baseline, const std::vector<std::size_t>& chosen) {
-  TableRow row{group, name, {}, {}};
+FiguresRow row_of(const std::string& group, const std::string& name, const std::vector<double>& figures,
+                  const std::vector<double>* baseline, const std::vector<std::size_t>& chosen) {
+  FiguresRow row{group, name, {}, {}};
   for (const std::size_t i : chosen) {
     TableCell cell{.value = figures[i]};
     if (baseline != nullptr && baseline != &figures)

@@ -21,7 +21,7 @@ std::string whole_title(const TableColumn& column) {
   return column.group.empty() ? column.title : column.group + ": " + column.title;
 }
 
-std::string whole_name(const TableRow& row) {
+std::string whole_name(const FiguresRow& row) {
   return row.remark.empty() ? row.name : fmt::format("{} ({})", row.name, row.remark);
 }
 
@@ -214,7 +214,7 @@ std::string as_csv(const Table& table) {
   for (const TableColumn& column : table.columns)
     text += "," + column.key + (column.changes ? "," + column.key + "_change_percent" : "");
   text += "\n";
-  for (const TableRow& row : table.rows) {
+  for (const FiguresRow& row : table.rows) {
     text += fmt::format("{},{},{}", quoted(row.group), quoted(row.name), quoted(row.remark));
     for (std::size_t c = 0; c < table.columns.size(); ++c) {
       text += "," + plain(row.cells[c].value);

@@ -24,7 +24,7 @@ struct TableCell {
 };
 
 /// Rows of one group stand together; its name is told once.
-struct TableRow {
+struct FiguresRow {
   std::string group;
   std::string name;
   std::string remark;  ///< behind the name, in brackets
@@ -34,7 +34,7 @@ struct TableRow {
 struct Table {
   std::array<std::string, 2> row_titles;  ///< of groups and of rows
   std::vector<TableColumn> columns;
-  std::vector<TableRow> rows;
+  std::vector<FiguresRow> rows;
 };
 
 enum class TableFormat { kText, kMarkdown, kHtml, kLatex, kCsv };
