@@ -7,54 +7,93 @@ namespace {
 
 constexpr double kGravity = 9.81;
 
-// A window of 50 ms with events and IMU readings.
-bool feed(RestDetector& detector, int k, int events, const Vec3& gyro, std::size_t segments = 0) {
-  EventWindow window;
-  window.begin = from_seconds(0.05 * k);
-  window.end = from_seconds(0.05 * (k + 1));
-  window.events.resize(static_cast<std::size_t>(events));
-  const std::vector<ImuSample> imu(10, {window.begin, Vec3(0, 0, kGravity), gyro});
-  return detector.update(window, segments, imu, {Vec3(0.01, 0, 0), Vec3::Zero()}, kGravity);
-}
+// A window of 50 ms with events, a share of them noise, and IMU readings.
+struct Fed {
+  RestDetector detector;
+  int k = 0;
+  bool operator()(int events, const Vec3& gyro, std::size_t segments = 0, double noise = 0,
+                  const Vec3& push = Vec3::Zero()) {
+    EventWindow window;
+    window.begin = from_seconds(0.05 * k);
+    window.end = from_seconds(0.05 * ++k);
+    window.events.resize(static_cast<std::size_t>(events));
+    const std::vector<ImuSample> imu(10, {window.begin, Vec3(0, 0, kGravity) + push, gyro});
+    return detector.update(window, segments, static_cast<std::int64_t>(noise * events), imu,
+                           {Vec3(0.01, 0, 0), Vec3::Zero()}, kGravity);
+  }
+};
 
 TEST(RestDetector, AStillStartLastsUntilEventsRise) {
-  RestDetector detector;
-  detector.begin(true, from_seconds(0.5));
-  int k = 0;
-  for (; k < 10; ++k) EXPECT_TRUE(feed(detector, k, 100, {0.01, 0, 0}));
-  for (; k < 20; ++k) EXPECT_TRUE(feed(detector, k, 110, {0.05, 0, 0}));  // the IMU alone does not end it
-  EXPECT_FALSE(feed(detector, k, 300, {0.01, 0, 0}));
+  Fed feed;
+  feed.detector.begin(true, from_seconds(0.5));
+  for (int i = 0; i < 10; ++i) EXPECT_TRUE(feed(100, {0.01, 0, 0}));
+  for (int i = 0; i < 10; ++i) EXPECT_TRUE(feed(110, {0.05, 0, 0}));  // the IMU alone does not end it
+  EXPECT_FALSE(feed(300, {0.01, 0, 0}));
+}
+
+TEST(RestDetector, MuchNoiseDoesNotHideItsEnd) {
+  Fed feed;
+  feed.detector.begin(true, from_seconds(0.5));
+  const auto noisy = [](int i) { return 11300 + 100 * (i % 3 - 1); };
+  for (int i = 0; i < 30; ++i) EXPECT_TRUE(feed(noisy(i), {0.01, 0, 0}, 0, 0.92));
+  EXPECT_FALSE(feed(12100, {0.01, 0, 0}, 0, 0.92));
+}
+
+TEST(RestDetector, OneJerkDoesNotEndIt) {
+  Fed feed;
+  feed.detector.begin(true, from_seconds(0.5));
+  for (int i = 0; i < 10; ++i) feed(500 + 50 * (i % 2), {0.01, 0, 0});
+  EXPECT_FALSE(feed(800, {0.01, 0, 0}));
+  EXPECT_TRUE(feed(520, {0.01, 0, 0}));
+  EXPECT_FALSE(feed(800, {0.01, 0, 0}));
+  EXPECT_FALSE(feed(1100, {0.01, 0, 0}));
+  EXPECT_FALSE(feed(520, {0.01, 0, 0}));
 }
 
 TEST(RestDetector, LinesOfSlowMotionEndARest) {
-  RestDetector detector;
-  detector.begin(true, from_seconds(0.5));
-  EXPECT_TRUE(feed(detector, 0, 100, {0.01, 0, 0}));
-  EXPECT_FALSE(feed(detector, 1, 100, {0.01, 0, 0}, 20));
-  EXPECT_FALSE(feed(detector, 2, 100, {0.01, 0, 0}, 20));
+  Fed feed;
+  feed.detector.begin(true, from_seconds(0.5));
+  EXPECT_TRUE(feed(100, {0.01, 0, 0}));
+  EXPECT_FALSE(feed(100, {0.01, 0, 0}, 20));
+  EXPECT_FALSE(feed(100, {0.01, 0, 0}, 20));
 }
 
 TEST(RestDetector, ALaterRestNeedsBothForAWhile) {
-  RestDetector detector;
-  detector.begin(true, from_seconds(0.5));
-  int k = 0;
-  for (; k < 10; ++k) feed(detector, k, 100, {0.01, 0, 0});
-  for (; k < 20; ++k) EXPECT_FALSE(feed(detector, k, 2000, {0.5, 0, 0}));
-  for (; k < 40; ++k) EXPECT_FALSE(feed(detector, k, 0, {0.5, 0, 0})) << "darkness is no rest";
-  for (; k < 60; ++k) EXPECT_FALSE(feed(detector, k, 2000, {0.01, 0, 0})) << "nor is gliding";
-  EXPECT_FALSE(feed(detector, k++, 90, {0.01, 0, 0}));
-  for (; k < 66; ++k) feed(detector, k, 90, {0.01, 0, 0});
-  for (; k < 80; ++k) EXPECT_TRUE(feed(detector, k, 90, {0.01, 0, 0}));
-  EXPECT_FALSE(feed(detector, k, 2000, {0.01, 0, 0}));
+  Fed feed;
+  feed.detector.begin(true, from_seconds(0.5));
+  for (int i = 0; i < 10; ++i) feed(100, {0.01, 0, 0});
+  for (int i = 0; i < 10; ++i) EXPECT_FALSE(feed(2000, {0.5, 0, 0}));
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(feed(0, {0.5, 0, 0})) << "darkness is no rest";
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(feed(0, {0.01, 0, 0})) << "nor so soon if the IMU is quiet";
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(feed(2000, {0.01, 0, 0})) << "nor is gliding";
+  EXPECT_FALSE(feed(90, {0.01, 0, 0}));
+  for (int i = 0; i < 5; ++i) feed(90, {0.01, 0, 0});
+  for (int i = 0; i < 14; ++i) EXPECT_TRUE(feed(90, {0.01, 0, 0}));
+  EXPECT_FALSE(feed(2000, {0.01, 0, 0}));
 }
 
-TEST(RestDetector, AMovingStartKnowsNoRestRate) {
-  RestDetector detector;
-  detector.begin(false, 0);
-  int k = 0;
-  for (; k < 20; ++k) EXPECT_FALSE(feed(detector, k, 500, {0.01, 0, 0}));
-  for (; k < 40; ++k) feed(detector, k, 5, {0.01, 0, 0});
-  EXPECT_TRUE(feed(detector, k, 5, {0.01, 0, 0}));
+TEST(RestDetector, RestAfterAMovingStart) {
+  Fed feed;
+  feed.detector.begin(false, 0);
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(feed(500, {0.01, 0, 0}, 0, 0.5)) << "moves: few events are noise";
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(feed(500, {0.06, 0, 0}, 0, 0.9)) << "turns";
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(feed(500, {0.01, 0, 0}, 0, 0.9, {0, 0, 0.3})) << "speeds up";
+  // A hand trembles.
+  const auto trembling = [&](int i) {
+    return feed(500, {0.01, 0.04 * (i % 2), 0}, 0, 0.9, {0, 0, i % 2 ? 0.3 : -0.3});
+  };
+  for (int i = 0; i < 8; ++i) trembling(i);
+  for (int i = 8; i < 40; ++i) EXPECT_TRUE(trembling(i)) << i;
+  EXPECT_FALSE(feed(900, {0.01, 0, 0}, 0, 0.5));
+}
+
+TEST(RestDetector, RestOfASensorWithoutNoise) {
+  Fed feed;
+  feed.detector.begin(false, 0);
+  for (int i = 0; i < 39; ++i) EXPECT_FALSE(feed(0, {0.01, 0, 0}));
+  feed(0, {0.01, 0, 0}), feed(0, {0.01, 0, 0});
+  EXPECT_TRUE(feed(0, {0.01, 0, 0}));
+  EXPECT_FALSE(feed(50, {0.01, 0, 0}));
 }
 
 }  // namespace

@@ -249,8 +249,10 @@ void Odometry::estimate(const Segmented& segmented) {
   std::vector<ImuSample> inside;
   std::copy_if(segmented.samples.begin(), segmented.samples.end(), std::back_inserter(inside),
                [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });
+  const std::int64_t noise = segmented.counts.hot + segmented.counts.unsupported;
   measurement.still =
-      rest_.update(window, segments.segments.size(), inside, from.bias, options_.backend.gravity);
+      rest_.update(window, segments.segments.size(), noise - std::exchange(noise_events_, noise), inside,
+                   from.bias, options_.backend.gravity);
   measurement.lines = observe(window, segments, *measurement.imu);
   if (options_.backend.method == BackendMethod::kFixedLag)
     for (int k = 0, n = bin_count(window); k < n; ++k)

@@ -1,49 +1,94 @@
 #include "idol/odometry/rest_detector.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace idol {
 namespace {
 
-constexpr double kMoreThanRest = 1.35;     // event rate that ends a rest, by its own rate
+// A rest ends with more events than it has had: by this share, or, where noise is much and even, by so many
+// standard deviations of its windows. It begins with half of that on top of the last one's, or where nearly
+// all events are noise.
+constexpr double kMoreThanRest = 0.35, kSigmas = 5, kMostlyNoise = 0.7;
+constexpr int kRestWindows = 16;           // that tell what is usual at a rest
 constexpr std::size_t kStraySegments = 2;  // that noise may form
-constexpr double kQuietBeforeRest = 0.3;   // [s]
-constexpr double kQuietRate = 0.03;        // [rad/s], mean angular rate of a window
-constexpr double kQuietForce = 0.15;       // [m/s^2], mean specific force beside gravity's
-constexpr double kDarkRate = 500;          // [1/s]: so few events are noise, where no rest has been seen yet
+// For how long a rest is quiet before it is believed [s], and in the dark: with fewer events than this share
+// of the last rest's, or than this [1/s].
+constexpr double kQuietFirst = 0.3, kQuietInTheDark = 2, kDarkShare = 0.5, kDarkRate = 500;
+// What the IMU may read beside its biases and gravity: meanwhile, and, as hands tremble, in a window.
+constexpr double kQuietRate = 0.03, kTremorRate = 0.1;    // mean angular rate [rad/s]
+constexpr double kQuietForce = 0.15, kTremorForce = 0.8;  // norm of the mean specific force [m/s^2]
 
-bool quiet(std::span<const ImuSample> imu, const ImuBias& bias, double gravity) {
-  if (imu.empty()) return false;
-  Vec3 rate = Vec3::Zero(), force = Vec3::Zero();
-  for (const auto& s : imu) {
-    rate += s.gyro / static_cast<double>(imu.size());
-    force += s.accel / static_cast<double>(imu.size());
-  }
-  return (rate - bias.gyro).norm() < kQuietRate &&
-         std::abs((force - bias.accel).norm() - gravity) < kQuietForce;
+bool near(const Eigen::Vector4d& readings, const Eigen::Vector4d& expected, double rate, double force) {
+  const Eigen::Vector4d beside = readings - expected;
+  return beside.head<3>().norm() < rate && std::abs(beside[3]) < force;
 }
 
 }  // namespace
+
+void RestDetector::Usual::add(double events_per_s, const Eigen::Vector4d& imu_readings) {
+  ++windows;
+  const double before = events_per_s - events;
+  events += before / windows;
+  events_square += before * (events_per_s - events);
+  imu += (imu_readings - imu) / windows;
+}
 
 void RestDetector::begin(bool still, Time known_until) {
   resting_ = still;
   known_until_ = known_until;
 }
 
-bool RestDetector::update(const EventWindow& window, std::size_t segments, std::span<const ImuSample> imu,
-                          const ImuBias& bias, double gravity) {
+bool RestDetector::update(const EventWindow& window, std::size_t segments, std::int64_t noise,
+                          std::span<const ImuSample> imu, const ImuBias& bias, double gravity) {
   const double duration = seconds_between(window.begin, window.end);
-  const double rate = static_cast<double>(window.events.size() - window.overlap) / duration;
-  const bool shapeless = segments <= kStraySegments;
-  if (resting_ && shapeless && window.end <= known_until_) {
-    ++rest_windows_;
-    rest_rate_ += (rate - rest_rate_) / rest_windows_;
-    return true;
+  const auto count = static_cast<double>(window.events.size() - window.overlap);
+  const double events = count / duration;
+  Vec3 rate = Vec3::Zero(), force = Vec3::Zero();
+  for (const auto& s : imu) {
+    rate += s.gyro / static_cast<double>(imu.size());
+    force += s.accel / static_cast<double>(imu.size());
   }
-  const bool few_events = shapeless && rate <= (rest_windows_ > 0 ? kMoreThanRest * rest_rate_ : kDarkRate);
-  quiet_s_ = few_events && quiet(imu, bias, gravity) ? quiet_s_ + duration : 0;
-  resting_ = few_events && (resting_ || quiet_s_ >= kQuietBeforeRest);
+  Eigen::Vector4d readings, expected = rest_.imu;
+  readings << rate, force.norm();
+  if (rest_.windows == 0) expected << bias.gyro, gravity + force.norm() - (force - bias.accel).norm();
+
+  const bool shapeless = segments <= kStraySegments;
+  if (resting_) {
+    resting_ = shapeless && (window.end <= known_until_ || events <= rest_.events + margin(duration));
+    if (resting_ && rest_.windows < kRestWindows) rest_.add(events, readings);
+    interrupted_ = shapeless;
+    quiet_s_ = 0;
+    return resting_;
+  }
+  const bool as_few = rest_.windows > 0 && events <= rest_.events + margin(duration) / 2;
+  const bool quiet = shapeless && (as_few || static_cast<double>(noise) >= kMostlyNoise * count) &&
+                     !imu.empty() && near(readings, expected, kTremorRate, kTremorForce);
+  // One window alone may be a jerk: the next one says.
+  const bool goes_on = std::exchange(interrupted_, false) && as_few;
+  if (!quiet) {
+    quiet_s_ = 0;
+    return false;
+  }
+  if (quiet_s_ == 0) quiet_ = {};
+  quiet_s_ += duration;
+  quiet_.add(events, readings);
+  const bool dark = quiet_.events < std::max(kDarkShare * rest_.events, kDarkRate);
+  if (quiet_s_ >= (dark ? kQuietInTheDark : kQuietFirst)) {
+    resting_ = near(quiet_.imu, expected, kQuietRate, kQuietForce);
+    if (resting_) rest_ = quiet_;
+    quiet_s_ = 0;
+  }
+  resting_ = resting_ || goes_on;
   return resting_;
+}
+
+// Of events per second, in a window of that many seconds.
+double RestDetector::margin(double duration) const {
+  // Noise comes event by event; tremor scatters more.
+  const double variance = std::max(rest_.events / duration, rest_.events_square / std::max(1, rest_.windows));
+  return std::min(kMoreThanRest * rest_.events, kSigmas * std::sqrt(variance));
 }
 
 }  // namespace idol
