@@ -289,6 +289,25 @@ TEST(Preintegration, CovarianceIsHonest) {
   }
 }
 
+TEST(Preintegration, NoiseBeyondTheRigsIsSeen) {
+  const SineMotion motion{1.0};
+  ImuNoise said, real;
+  said.gyro_density = 2e-4, said.accel_density = 4e-3;
+  real.gyro_density = 5 * said.gyro_density, real.accel_density = 3 * said.accel_density;
+  const Time t = from_seconds(0.3);
+  const auto known = integrate(motion.readings(0.1, 0.4, 1000, {}, &real, 1), 0.2, 0.3, {}, real);
+  const auto seen = integrate(motion.readings(0.1, 0.4, 1000, {}, &real, 1), 0.2, 0.3, {}, said);
+  const auto usual = integrate(motion.readings(0.1, 0.4, 1000, {}, &said, 1), 0.2, 0.3, {}, said);
+  EXPECT_NEAR(seen.quality().noise_ratio, 5, 1);
+  EXPECT_NEAR(usual.quality().noise_ratio, 1, 0.2);
+  const auto sigma = [&](const Preintegration& imu) { return imu.covariance(t).diagonal().cwiseSqrt().eval(); };
+  EXPECT_LT((sigma(seen).cwiseQuotient(sigma(known)).array() - 1).abs().maxCoeff(), 0.25);
+  // Quieter than said is not believed, and motion is no noise.
+  const auto clean = integrate(motion.readings(0.1, 0.4, 200), 0.2, 0.3, {}, said);
+  EXPECT_LT(clean.quality().noise_ratio, 0.5);
+  EXPECT_GT((sigma(clean).cwiseQuotient(sigma(usual))).minCoeff(), 0.75);
+}
+
 TEST(Preintegration, GapInTheDataInflatesTheCovariance) {
   const SineMotion motion{1.0};
   auto samples = motion.readings(0.0, 1.0, 500);

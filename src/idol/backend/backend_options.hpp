@@ -32,6 +32,7 @@ struct BackendOptions {
   double bin_gate_px = 0.8;
   double bin_sigma_px = 1.2;
   double bin_cauchy_sigmas = 0.25;
+  double imu_noise_factor = 2;
   double create_depth_sigma = 0.08;
   double create_rms_px = 1.0;
   int few_lines = 20;
@@ -41,7 +42,7 @@ struct BackendOptions {
   double batch_s = 24;
   int lag_windows = 20;
   int max_iterations = 4;
-  bool refine_calibration = false;
+  bool refine_calibration = true;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.01;
@@ -88,6 +89,8 @@ struct BackendOptions {
         "bin_sigma_px", self.bin_sigma_px, Range{0.05, 10},
         "standard deviation of the distance of a bin of many events: their errors are not independent [px]");
     visit("bin_cauchy_sigmas", self.bin_cauchy_sigmas, Range{0.1, 1000}, "scale of the Cauchy loss on a bin");
+    visit("imu_noise_factor", self.imu_noise_factor, Range{0.1, 100},
+          "the IMU's noise counts so many times, beside the lines: what no noise model knows comes on top");
     visit("create_depth_sigma", self.create_depth_sigma, Range{0.001, 1},
           "relative standard deviation of the inverse depth at which a segment becomes a line");
     visit("create_rms_px", self.create_rms_px, Range{0.1, 100}, "and the largest RMS of its bins then [px]");

@@ -56,10 +56,9 @@ void FixedLag::add(WindowMeasurement window) {
   const std::size_t index = windows_.size();
   append(window);
   const Preintegration& imu = *window.imu;
-  inertial_.push_back({imu.at(imu.end()),
-                       imu.covariance(imu.end()).llt().solve(Mat9::Identity()),
-                       std::move(window.bin_motions),
-                       {}});
+  const Mat9 covariance = std::pow(options_.imu_noise_factor, 2) * imu.covariance(imu.end());
+  inertial_.push_back(
+      {imu.at(imu.end()), covariance.llt().solve(Mat9::Identity()), std::move(window.bin_motions), {}});
   move_cameras();
   for (auto& seen : window.lines) file(index, std::move(seen));
   const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {

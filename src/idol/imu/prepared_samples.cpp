@@ -82,8 +82,13 @@ PreparedSamples prepare_samples(std::span<const ImuSample> samples, Time begin, 
   hold_to(0, seconds_between(begin, end), out);
 
   const std::size_t count = out.times.size();
-  out.gyro_variance.assign(count, Vec3::Constant(noise.gyro_density * noise.gyro_density / out.period));
-  out.accel_variance.assign(count, Vec3::Constant(noise.accel_density * noise.accel_density / out.period));
+  const auto variance = [&](std::span<const Vec3> values, double density) {
+    const double said = density / std::sqrt(out.period), seen = white_noise(values);
+    if (said > 0) out.quality.noise_ratio = std::max(out.quality.noise_ratio, seen / said);
+    return Vec3(Vec3::Constant(std::pow(std::max(said, seen), 2)));
+  };
+  out.gyro_variance.assign(count, variance(out.gyro, noise.gyro_density));
+  out.accel_variance.assign(count, variance(out.accel, noise.accel_density));
   const int gyro_saturated = inflate_saturated(out.times, out.gyro, options.gyro_range, kLeastGyroRange,
                                                out.period, out.gyro_variance);
   const int accel_saturated = inflate_saturated(out.times, out.accel, options.accel_range, kLeastAccelRange,
@@ -119,6 +124,18 @@ double mean_excess(std::span<const double> times, std::span<const Vec3> values, 
 }
 
 }  // namespace
+
+double white_noise(std::span<const Vec3> values) {
+  constexpr std::size_t kLeast = 10;
+  constexpr double kNormal = 0.6745;  // median of |x|, x of deviation one
+  if (values.size() < kLeast) return 0;
+  std::vector<double> differences;
+  for (std::size_t i = 3; i < values.size(); ++i) {
+    const Vec3 third = values[i] - 3 * values[i - 1] + 3 * values[i - 2] - values[i - 3];
+    for (const double d : third) differences.push_back(std::abs(d));
+  }
+  return median(std::move(differences)) / (kNormal * std::sqrt(1 + 9 + 9 + 1));
+}
 
 int inflate_saturated(std::span<const double> times, std::span<const Vec3> values, double range, double least,
                       double period, std::span<Vec3> variance) {

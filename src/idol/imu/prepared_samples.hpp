@@ -16,6 +16,8 @@ struct SampleQuality {
   int gaps = 0;              ///< spans without data longer than max_gap_s
   double longest_gap_s = 0;  ///< of all spans between samples
   int saturated = 0;         ///< samples with a reading at the sensor's range
+  double noise_ratio =
+      0;  ///< standard deviation of the readings' white noise by what the rig says, the larger of both
 };
 
 /// Samples at strictly increasing times with the biases taken off. Where the data end inside the window, the
@@ -31,9 +33,15 @@ struct PreparedSamples {
   SampleQuality quality;
 };
 
-/// `samples` in time order, at least two with different stamps (DataError).
+/// `samples` in time order, at least two with different stamps (DataError). Where the readings are noisier
+/// than the rig says, by white_noise(), that noise is taken.
 PreparedSamples prepare_samples(std::span<const ImuSample> samples, Time begin, Time end, const ImuBias& bias,
                                 const ImuNoise& noise, const PreintegrationOptions& options);
+
+/// Standard deviation of the white noise of evenly spaced readings, an axis: by the median of their third
+/// differences, in which motion hardly shows. Noise that a sensor has smoothed counts for less than it is. 0
+/// for fewer than 10.
+double white_noise(std::span<const Vec3> values);
 
 /// Finds readings at the sensor's range (`range`, or for 0 the extreme of the values, above `least`, if it
 /// repeats in three samples at least) and adds the variance of what was cut off to theirs: the excess is

@@ -246,6 +246,13 @@ void Odometry::estimate(const Segmented& segmented) {
                     "their noise is inflated, accuracy suffers there",
                     static_cast<double>(window.begin) / kNsPerS),
         saturated);
+  constexpr double kNoisy = 2;
+  if (const double ratio = measurement.imu->quality().noise_ratio; ratio > kNoisy)
+    backend_diagnostics_.warn(
+        "imu_noise",
+        fmt::format("the IMU's readings in the window from {:.3f} s on are {:.1f} times as noisy as "
+                    "the rig says: it is trusted by what is seen",
+                    static_cast<double>(window.begin) / kNsPerS, ratio));
   std::vector<ImuSample> inside;
   std::copy_if(segmented.samples.begin(), segmented.samples.end(), std::back_inserter(inside),
                [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });
