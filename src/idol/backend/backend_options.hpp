@@ -31,9 +31,9 @@ struct BackendOptions {
   int min_bin_events = 5;
   double bin_gate_px = 0.8;
   double bin_sigma_px = 1.2;
-  double bin_cauchy_sigmas = 0.25;
+  double bin_cauchy_sigmas = 0.2;
   double imu_noise_factor = 2;
-  double create_depth_sigma = 0.08;
+  double create_depth_sigma = 0.25;
   double create_rms_px = 1.0;
   int few_lines = 20;
   double redetect_px = 2.5;
