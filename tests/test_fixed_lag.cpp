@@ -3,9 +3,11 @@
 #include <Eigen/LU>
 
 #include "idol/backend/anchored_line.hpp"
+#include "idol/backend/backend.hpp"
 #include "idol/backend/chain_system.hpp"
 #include "idol/backend/dense.hpp"
 #include "idol/backend/line_moments.hpp"
+#include "idol/sim/spline.hpp"
 #include "test_util.hpp"
 
 namespace idol::test {
@@ -200,7 +202,8 @@ ChainSystem random_chain(std::size_t states, Eigen::Index columns, Eigen::Matrix
     const auto at = static_cast<Eigen::Index>(i) * kStateDim;
     system.diagonal[i] = H.block<kStateDim, kStateDim>(at, at);
     if (i + 1 < states) system.next[i] = H.block<kStateDim, kStateDim>(at, at + kStateDim);
-    system.lines[i] = H.block(at, n, kStateDim, columns);
+    for (Eigen::Index c = 0; c < columns; c += 4)
+      if (const auto block = H.block<kStateDim, 4>(at, n + c); !block.isZero()) system.lines[i].at(c) = block;
     system.state_gradient[i] = g.segment<kStateDim>(at);
   }
   system.line_block = H.bottomRightCorner(columns, columns);
@@ -211,14 +214,15 @@ ChainSystem random_chain(std::size_t states, Eigen::Index columns, Eigen::Matrix
 TEST(ChainSystem, SolvesLikeADenseSystem) {
   Eigen::MatrixXd H;
   Eigen::VectorXd g;
-  const ChainSystem system = random_chain(5, 16, H, g);
+  constexpr std::size_t kStates = 40;  // more than are taken together
+  const ChainSystem system = random_chain(kStates, 16, H, g);
   for (double damping : {0.0, 0.1}) {
     Eigen::MatrixXd damped = H;
     damped.diagonal() *= 1 + damping;
     const Eigen::VectorXd expected = damped.ldlt().solve(-g);
     const auto step = system.solve(damping);
-    ASSERT_EQ(step.states.size(), 5U);
-    for (std::size_t i = 0; i < 5; ++i)
+    ASSERT_EQ(step.states.size(), kStates);
+    for (std::size_t i = 0; i < kStates; ++i)
       EXPECT_LT(
           (step.states[i] - expected.segment<kStateDim>(kStateDim * static_cast<Eigen::Index>(i))).norm(),
           1e-8);
@@ -258,6 +262,37 @@ TEST(Dense, DoesWhatEigenDoes) {
   EXPECT_FALSE(factor_lower(negative));
   EXPECT_TRUE(factor_lower(none));
   EXPECT_THROW(subtract_gram(C, W), std::invalid_argument);
+}
+
+TEST(Backend, StatesBetweenTwoLieOnTheMotion) {
+  HandMotion motion;
+  motion.still_s = 0;
+  motion.speed = 2;
+  const Spline spline = hand_motion({}, motion);
+  const auto state = [&](double s) {
+    const Kinematics k = spline.at(s);
+    NavState out;
+    out.t = from_seconds(s);
+    out.T_w_i = k.T_w_i;
+    out.v_w = k.velocity_w;
+    return out;
+  };
+  constexpr double kWindow = 0.05, kTurn = 1.2e-4;
+  double turned = 0;
+  for (double s = 3; s < 7; s += kWindow) {
+    const NavState from = state(s), to = state(s + kWindow);
+    turned = std::max(turned, (spline.at(s + kWindow).rate_i - spline.at(s).rate_i).norm());
+    for (double u : {0.0, 0.2, 0.5, 0.9, 1.0}) {
+      const NavState expected = state(s + u * kWindow);
+      const NavState got =
+          state_between(from, spline.at(s).rate_i, to, spline.at(s + kWindow).rate_i, expected.t);
+      EXPECT_EQ(got.t, expected.t);
+      EXPECT_LT((got.T_w_i.p - expected.T_w_i.p).norm(), 6e-5);
+      EXPECT_LT(quat_log(got.T_w_i.q.conjugate() * expected.T_w_i.q).norm(), kTurn);
+      EXPECT_LT((got.v_w - expected.v_w).norm(), 5e-3);
+    }
+  }
+  EXPECT_GT(turned * kWindow / 8, 5 * kTurn);  // so far off is a constant rate
 }
 
 TEST(ChainSystem, AnIndefiniteSystemGivesNoStep) {

@@ -1,8 +1,10 @@
 // The whole method on a synthetic scene: accuracy against exact truth, and the same bits however the data
 // arrive.
 #include <gtest/gtest.h>
+#include <malloc.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "pipeline_util.hpp"
 
@@ -99,6 +101,29 @@ TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {
 }
 
 // The same with and without being told early, and nothing kept waiting.
+// What a window has measured goes when no last pass will need it.
+TEST(Pipeline, MemoryHardlyGrowsWithTheLengthOfARun) {
+  const Rig rig = davis_rig();
+  const auto data = record(rig, 8);
+  Options options = preset("realtime");
+  options.pipeline.threads = 1;
+  options.backend.last_pass_s = 2;
+  Odometry odometry(rig, options);
+  std::vector<double> used_kb;
+  odometry.on_estimate(
+      [&](const Estimate&) { used_kb.push_back(static_cast<double>(mallinfo2().uordblks) / 1e3); });
+  std::size_t imu = 0;
+  for (const Event& event : data.events) {
+    for (; imu < data.imu.size() && data.imu[imu].t <= event.t; ++imu) odometry.push(data.imu[imu]);
+    odometry.push({&event, 1});
+  }
+  const auto mean = [&](std::size_t from) {
+    return std::accumulate(&used_kb[from], &used_kb[from] + 40, 0.0) / 40;
+  };
+  ASSERT_GT(used_kb.size(), 150U);
+  EXPECT_NEAR(mean(used_kb.size() - 40), mean(60), 200);
+}
+
 TEST(Pipeline, ImuThatEndsBeforeTheEvents) {
   const Rig rig = davis_rig();
   auto data = record(rig, 1.5);

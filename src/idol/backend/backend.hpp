@@ -41,6 +41,10 @@ struct SolveStats {
   double mean_track_s = 0;  ///< of the lines seen in the newest window
 };
 
+/// State between `a` and `b`, tenths of a second apart at most: cubic in position and in rotation, by the
+/// velocities and these angular rates of the IMU at both ends [rad/s].
+NavState state_between(const NavState& a, const Vec3& rate_a, const NavState& b, const Vec3& rate_b, Time t);
+
 class Backend {
  public:
   explicit Backend(const Rig& rig, double gravity)
@@ -68,17 +72,19 @@ class Backend {
   /// Of latest(), in the order position, rotation (about the IMU's axes), velocity, gyro bias, accelerometer
   /// bias, time shift, event lag; position and yaw relative to the start. Nullopt: this estimator has none.
   [[nodiscard]] virtual std::optional<StateMat> covariance() const { return std::nullopt; }
-  /// State at any time of the windows so far, through the continuous representation; some milliseconds beyond
-  /// the last too.
+  /// State at any time of the windows so far, through the continuous representation (for windows of the past
+  /// that are not optimised any more: state_between()); some milliseconds beyond the last too.
   [[nodiscard]] NavState state_at(Time t) const;
-  /// The camera in the world when its own clock reads what the rig takes for `state.t`: stamped by that clock,
-  /// and placed by the time shift that was found.
+  /// The camera in the world when its own clock reads what the rig takes for `state.t`: stamped by that
+  /// clock, and placed by the time shift that was found.
   [[nodiscard]] StampedPose camera_pose(const NavState& state) const;
   [[nodiscard]] const Projection& projection() const { return projection_; }
 
  protected:
   struct Window {
-    std::shared_ptr<const Preintegration> imu;  // null once only the two states are kept
+    std::shared_ptr<const Preintegration> imu;  // null once that is the past: it is large
+    ImuBias bias;                               // that it was made with
+    Vec3 rate_begin, rate_end;                  // [rad/s]
     bool still = false;
   };
 

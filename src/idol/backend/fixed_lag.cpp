@@ -57,8 +57,8 @@ void FixedLag::add(WindowMeasurement window) {
   append(window);
   const Preintegration& imu = *window.imu;
   const Mat9 covariance = std::pow(options_.imu_noise_factor, 2) * imu.covariance(imu.end());
-  inertial_.push_back(
-      {imu.at(imu.end()), covariance.llt().solve(Mat9::Identity()), std::move(window.bin_motions), {}});
+  inertial_.push_back(std::make_unique<Inertial>(Inertial{
+      imu.at(imu.end()), covariance.llt().solve(Mat9::Identity()), std::move(window.bin_motions), {}}));
   move_cameras();
   for (auto& seen : window.lines) file(index, std::move(seen));
   const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {
@@ -91,7 +91,9 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   if (track.windows == 0 || track.last_window != window) ++track.windows;
   track.last_window = window;
   track.events += seen.event_count;
-  track.seen.push_back({window, std::move(seen.bins), seen.end_a, seen.end_b, false});
+  track.seen.push_back({window, std::move(seen.bins), false});
+  track.end_a = seen.end_a;
+  track.end_b = seen.end_b;
 }
 
 SolveStats FixedLag::solve() {
@@ -239,7 +241,7 @@ SolveStats FixedLag::finish() {
   SolveStats stats;
   constexpr int kRounds = 3, kIterations = 4;
   for (int round = 0; round < kRounds; ++round) {
-    const std::vector<LineId> ids = active_lines();
+    const std::vector<LineId> ids = longest(active_lines());
     const int before = stats.iterations;
     stats = optimise(ids, prior_, kIterations, kEnoughAtLast);
     stats.iterations += before;
@@ -255,6 +257,19 @@ std::vector<LineId> FixedLag::active_lines() const {
     if (track.mapped && !track.dead &&
         std::any_of(track.seen.begin(), track.seen.end(), [](const Observation& o) { return !o.rejected; }))
       ids.push_back(id);
+  return ids;
+}
+
+// As many lines, seen longest, as a last pass can take without needing long or much memory: its work grows
+// with the states times the square of the lines.
+std::vector<LineId> FixedLag::longest(std::vector<LineId> ids) const {
+  constexpr double kWork = 2e8;  // 400 lines over a minute, 700 over 20 s
+  const auto most = static_cast<std::size_t>(std::sqrt(kWork / static_cast<double>(states_.size() - first_)));
+  if (ids.size() <= most) return ids;
+  std::stable_sort(ids.begin(), ids.end(),
+                   [&](LineId a, LineId b) { return tracks_.at(a).windows > tracks_.at(b).windows; });
+  ids.resize(most);
+  std::sort(ids.begin(), ids.end());
   return ids;
 }
 

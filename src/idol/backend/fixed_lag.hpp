@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -30,7 +31,6 @@ class FixedLag : public Backend {
   struct Observation {
     std::size_t window = 0;
     std::vector<LineBin> bins;
-    EventMeasurement end_a, end_b;
     bool rejected = false;
   };
   struct Track {
@@ -38,6 +38,7 @@ class FixedLag : public Backend {
     AnchoredLine line;
     std::vector<Observation> seen;  // in the active windows
     std::vector<Observation> past;  // before them, for the last pass
+    EventMeasurement end_a, end_b;  // of the newest observation
     std::vector<double> low, high;  // of recent observations' ends, along the line from the anchor's a [m]
     double from = 0, to = 0;        // extent that these say
     std::size_t first_window = 0, last_window = 0;
@@ -81,7 +82,7 @@ class FixedLag : public Backend {
   void file(std::size_t window, LineObservation&& seen);
   void make_lines();
   [[nodiscard]] Pose camera_at(std::size_t window, const EventMeasurement& measured) const;
-  [[nodiscard]] AnchoredLine new_line(const Observation& seen, double depth) const;
+  [[nodiscard]] AnchoredLine new_line(const Track& track, double depth) const;
   [[nodiscard]] bool fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line,
                          Eigen::Matrix4d& H, double& rms) const;
   [[nodiscard]] bool triangulate(Track& track) const;
@@ -102,6 +103,7 @@ class FixedLag : public Backend {
     return kStateDim + calibration_dim_ + 4 * static_cast<Eigen::Index>(k);
   }
   [[nodiscard]] std::vector<LineId> active_lines() const;
+  [[nodiscard]] std::vector<LineId> longest(std::vector<LineId> ids) const;
   [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
   using StateColumns = Eigen::Matrix<double, Eigen::Dynamic, kStateDim>;
   [[nodiscard]] StateColumns prior_view(const Prior& prior) const;
@@ -143,13 +145,13 @@ class FixedLag : public Backend {
   Projection nominal_;  // the rig as it was given
   Vec4 calibration_ =
       Vec4::Zero();  // rotation of the camera in the IMU's frame [rad], log of the focal length
-  Eigen::Index calibration_dim_ = 0;  // 4 if it is refined
-  std::size_t first_ = 0;             // oldest active state
-  std::vector<Inertial> inertial_;
+  Eigen::Index calibration_dim_ = 0;                 // 4 if it is refined
+  std::size_t first_ = 0;                            // oldest active state
+  std::vector<std::unique_ptr<Inertial>> inertial_;  // null once no last pass will need it
   std::map<LineId, Track> tracks_;
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
   Prior prior_, gauge_;
-  std::size_t dropped_ = 0;  // windows of which only the states are left
+  std::size_t dropped_ = 0;  // windows without inertial_
   double blind_s_ = 0;       // how long no known line has been seen, in motion
   double misfit_s_ = 0;      // how long many have been where they should not be
   int restarts_ = 0;

@@ -19,7 +19,7 @@ constexpr int kMoreToSettle = 2;  // times as many lines of unknown depth, until
 // the line's extent, and no second line as near.
 std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::size_t window) const {
   const NavState& state = states_[window];
-  const ImuBias& bias = windows_[window].imu->bias();
+  const ImuBias& bias = windows_[window].bias;
   std::optional<LineId> best;
   double nearest = options_.redetect_px, second = 1e9;
   const Vec2 from = seen.end_a.px, to = seen.end_b.px;
@@ -78,16 +78,16 @@ void FixedLag::make_lines() {
 // The camera in the world when that was measured.
 Pose FixedLag::camera_at(std::size_t window, const EventMeasurement& measured) const {
   const NavState& state = states_[window];
-  return predict(state, later(measured.motion, state.time_shift), windows_[window].imu->bias(),
-                 projection_.gravity)
+  return predict(state, later(measured.motion, state.time_shift), windows_[window].bias, projection_.gravity)
              .T_w_i *
          projection_.T_i_c;
 }
 
-AnchoredLine FixedLag::new_line(const Observation& seen, double depth) const {
+// Through the newest observation.
+AnchoredLine FixedLag::new_line(const Track& track, double depth) const {
   AnchoredLine line;
-  line.anchor = LineAnchor::from_image(camera_at(seen.window, seen.end_a), seen.end_a.px, seen.end_b.px,
-                                       projection_.camera);
+  line.anchor = LineAnchor::from_image(camera_at(track.seen.back().window, track.end_a), track.end_a.px,
+                                       track.end_b.px, projection_.camera);
   line.coordinates = Vec4(0, 1 / depth, 0, 1 / depth);
   return line;
 }
@@ -127,7 +127,7 @@ bool FixedLag::triangulate(Track& track) const {
   constexpr double kNearest = 0.1, kFarthest = 50;  // [m]
   const double typical = typical_depth();
   for (double factor : {1.0, 0.5, 2.0}) {
-    AnchoredLine line = new_line(track.seen.back(), factor * typical);
+    AnchoredLine line = new_line(track, factor * typical);
     Eigen::Matrix4d H;
     double rms = 0;
     if (!fit(track, Eigen::Matrix4d::Zero(), line, H, rms) || !(rms < options_.create_rms_px)) continue;
@@ -146,7 +146,7 @@ bool FixedLag::triangulate(Track& track) const {
 // While there is hardly a map, lines of unknown depth hold the rotation, and get their depth together with
 // the velocity: a weak prior about the typical depth goes into the marginal prior.
 bool FixedLag::guess(LineId id, Track& track) {
-  AnchoredLine line = new_line(track.seen.back(), typical_depth());
+  AnchoredLine line = new_line(track, typical_depth());
   const Vec4 first = line.coordinates;
   const double sigma = options_.depth_prior_log * first[1], slant = options_.slant_prior_log * first[1];
   Eigen::Matrix4d prior = Eigen::Matrix4d::Zero();
@@ -172,13 +172,12 @@ void FixedLag::measure_extents() {
   constexpr std::size_t kKept = 32;
   for (auto& [id, track] : tracks_) {
     if (!in_sight(track)) continue;
-    const Observation& seen = track.seen.back();
     const LineEnds ends = track.line.ends();
     const Vec3 along = (ends.b - ends.a).normalized();
     double u[2];
     for (int k = 0; k < 2; ++k) {
-      const EventMeasurement& end = k == 0 ? seen.end_a : seen.end_b;
-      const Pose T_w_c = camera_at(seen.window, end);
+      const EventMeasurement& end = k == 0 ? track.end_a : track.end_b;
+      const Pose T_w_c = camera_at(track.seen.back().window, end);
       const Vec2 m = projection_.camera.normalise(end.px);
       const Vec3 ray = (T_w_c.q * Vec3(m.x(), m.y(), 1)).normalized();
       // Point of the line nearest to the ray.

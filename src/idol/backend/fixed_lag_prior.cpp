@@ -100,15 +100,18 @@ void FixedLag::add_prior(ChainSystem& system, const Prior& prior, const std::vec
 
   system.diagonal[0] += T.transpose() * HT;
   system.state_gradient[0] += T.transpose() * g;
-  // Where a variable of the prior stands in the system.
+  // Where each four of its other variables stand in the system.
   std::vector<Eigen::Index> columns;
-  for (Eigen::Index i = 0; i < calibration_dim_; ++i) columns.push_back(i);
-  for (const auto& [id, at] : prior.lines)
-    for (Eigen::Index i = 0; i < 4; ++i) columns.push_back(column_of(ids, id) + i);
-  const Eigen::Index rest = prior.g.size() - kStateDim;
-  system.lines[0](Eigen::all, columns) += HT.bottomRows(rest).transpose();
-  system.line_gradient(columns) += g.tail(rest);
-  system.line_block(columns, columns) += prior.H.bottomRightCorner(rest, rest);
+  if (calibration_dim_ > 0) columns.push_back(0);
+  for (const auto& [id, at] : prior.lines) columns.push_back(column_of(ids, id));
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k);
+    system.lines[0].at(columns[k]) += HT.middleRows<4>(row).transpose();
+    system.line_gradient.segment<4>(columns[k]) += g.segment<4>(row);
+    for (std::size_t l = 0; l < columns.size(); ++l)
+      system.line_block.block<4, 4>(columns[k], columns[l]) +=
+          prior.H.block<4, 4>(row, kStateDim + 4 * static_cast<Eigen::Index>(l));
+  }
 }
 
 // The prior over the oldest state and the lines in `ids`, the others eliminated.
@@ -166,6 +169,8 @@ void FixedLag::marginalise_oldest() {
   }
   add_sights(system, sights, 0);
   system.eliminate_first(prior_.H, prior_.g);
+  std::vector<TimedCamera>().swap(inertial_[first_]->cameras);
+  windows_[first_].imu.reset();
   ++first_;
   prior_.state = states_[first_];
   prior_.calibration = calibration_;
@@ -181,13 +186,12 @@ void FixedLag::marginalise_oldest() {
   if (!keeps_past()) drop_past();
 }
 
-// Only the states stay: memory does not grow with what was seen.
+// Only the states stay: memory hardly grows with the length of a run.
 void FixedLag::drop_past() {
-  for (auto& [id, track] : tracks_) track.past = {};
+  for (auto& [id, track] : tracks_) std::vector<Observation>().swap(track.past);
   for (; dropped_ < first_; ++dropped_) {
-    windows_[dropped_].imu.reset();
-    inertial_[dropped_].bins = {};
-    inertial_[dropped_].cameras = {};
+    windows_[dropped_].imu.reset();  // of a window left behind by a restart
+    inertial_[dropped_].reset();
   }
 }
 

@@ -31,13 +31,13 @@ Eigen::Index FixedLag::column_of(const std::vector<LineId>& ids, LineId id) cons
 
 BinResidual FixedLag::residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const {
   return bin_to_line(bin, states_[window].event_lag_px, line,
-                     inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
+                     inertial_[window]->cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
 }
 
 std::optional<Vec2> FixedLag::distances(const LineBin& bin, const AnchoredLine& line,
                                         std::size_t window) const {
   return bin_distances(bin, states_[window].event_lag_px, line,
-                       inertial_[window].cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
+                       inertial_[window]->cameras[static_cast<std::size_t>(bin.slot)], projection_.camera);
 }
 
 // After each change of the active states or of the calibration.
@@ -46,18 +46,19 @@ void FixedLag::move_cameras() {
   projection_.camera.fx = nominal_.camera.fx * std::exp(calibration_[3]);
   projection_.camera.fy = nominal_.camera.fy * std::exp(calibration_[3]);
   for (std::size_t w = first_; w < windows_.size(); ++w) {
-    inertial_[w].cameras.clear();
-    for (const Preintegrated& motion : inertial_[w].bins)
-      inertial_[w].cameras.emplace_back(states_[w], later(motion, states_[w].time_shift),
-                                        windows_[w].imu->bias(), projection_);
+    Inertial& inertial = *inertial_[w];
+    inertial.cameras.clear();
+    for (const Preintegrated& motion : inertial.bins)
+      inertial.cameras.emplace_back(states_[w], later(motion, states_[w].time_shift), windows_[w].bias,
+                                    projection_);
   }
 }
 
 FixedLag::WindowRows FixedLag::window_rows(std::size_t window) const {
   const NavState &from = states_[window], &to = states_[window + 1];
-  const Inertial& inertial = inertial_[window];
+  const Inertial& inertial = *inertial_[window];
   WindowRows out;
-  out.imu = imu_residual(from, to, inertial.motion, windows_[window].imu->bias(), projection_.gravity);
+  out.imu = imu_residual(from, to, inertial.motion, windows_[window].bias, projection_.gravity);
   const double dt = inertial.motion.dt;
   out.walk_weight << Vec3::Constant(1 / (noise_.gyro_walk * noise_.gyro_walk * dt)),
       Vec3::Constant(1 / (noise_.accel_walk * noise_.accel_walk * dt)), 1 / (kShiftWalk * kShiftWalk * dt),
@@ -79,8 +80,8 @@ FixedLag::WindowRows FixedLag::window_rows(std::size_t window) const {
 void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t slot) const {
   const WindowRows rows = window_rows(window);
   const ImuResidual& r = rows.imu;
-  const Eigen::Matrix<double, 15, 9> from_w = r.d_from.transpose() * inertial_[window].weight;
-  const Eigen::Matrix<double, 15, 9> to_w = r.d_to.transpose() * inertial_[window].weight;
+  const Eigen::Matrix<double, 15, 9> from_w = r.d_from.transpose() * inertial_[window]->weight;
+  const Eigen::Matrix<double, 15, 9> to_w = r.d_to.transpose() * inertial_[window]->weight;
   system.cost += rows.cost;
   system.diagonal[slot].topLeftCorner<15, 15>().noalias() += from_w * r.d_from;
   system.next[slot].topLeftCorner<15, 15>().noalias() += from_w * r.d_to;
@@ -122,7 +123,8 @@ std::pair<double, double> FixedLag::robust(const LineBin& bin, const Vec2& dista
 
 void FixedLag::add_observation(ChainSystem& system, std::vector<SightSystem>& sights, const Track& track,
                                const Observation& seen, std::size_t slot, Eigen::Index column) const {
-  auto to_lines = system.lines[slot].middleCols<4>(column);
+  if (calibration_dim_ > 0) system.lines[slot].at(0);  // before the reference below: it may move that
+  LineBlocks::Block& to_line = system.lines[slot].at(column);
   for (const LineBin& bin : seen.bins) {
     const BinResidual r = residual(bin, track.line, seen.window);
     if (!r.valid) continue;
@@ -134,12 +136,12 @@ void FixedLag::add_observation(ChainSystem& system, std::vector<SightSystem>& si
     system.cost += cost;
     sight.H.noalias() += camera_w.transpose() * r.d_camera;
     sight.g.noalias() += camera_w.transpose() * r.value;
-    to_lines.noalias() += d_state.transpose() * line_w;
+    to_line.noalias() += d_state.transpose() * line_w;
     system.line_block.block<4, 4>(column, column).noalias() += line_w.transpose() * r.d_line;
     system.line_gradient.segment<4>(column).noalias() += line_w.transpose() * r.value;
     if (calibration_dim_ == 0) continue;
     const Eigen::Matrix<double, 2, 4> calibration_w = weight * r.d_calibration;
-    system.lines[slot].leftCols<4>().noalias() += d_state.transpose() * calibration_w;
+    system.lines[slot].at(0).noalias() += d_state.transpose() * calibration_w;
     system.line_block.topLeftCorner<4, 4>().noalias() += calibration_w.transpose() * r.d_calibration;
     const Eigen::Matrix4d both = calibration_w.transpose() * r.d_line;
     system.line_block.block<4, 4>(0, column) += both;
@@ -150,9 +152,9 @@ void FixedLag::add_observation(ChainSystem& system, std::vector<SightSystem>& si
 
 // What lines say about the state of a window meets first in the cameras of its bins.
 std::vector<FixedLag::SightSystem> FixedLag::sight_systems(std::size_t window) const {
-  std::vector<SightSystem> out(inertial_[window].cameras.size());
+  std::vector<SightSystem> out(inertial_[window]->cameras.size());
   for (std::size_t k = 0; k < out.size(); ++k) {
-    out[k].by_state.topLeftCorner<6, 16>() = inertial_[window].cameras[k].by_state();
+    out[k].by_state.topLeftCorner<6, 16>() = inertial_[window]->cameras[k].by_state();
     out[k].by_state(6, 16) = 1;
   }
   return out;

@@ -214,12 +214,12 @@ SolveStats Smoother::solve() {
 }
 
 NavState Smoother::state_of(const Observation& o, const EventMeasurement& e) const {
-  return predict(states_[o.window], e.motion, windows_[o.window].imu->bias(), projection_.gravity);
+  return predict(states_[o.window], e.motion, windows_[o.window].bias, projection_.gravity);
 }
 
 double Smoother::observation_rms(const Track& track, const Observation& o) const {
   double sum = 0;
-  const ImuBias& bias = windows_[o.window].imu->bias();
+  const ImuBias& bias = windows_[o.window].bias;
   for (const auto& e : o.seen.events) {
     const TimedCamera camera(states_[o.window], e.motion, bias, projection_);
     const auto a = camera({track.ends.a}), b = camera({track.ends.b});
@@ -272,7 +272,7 @@ bool Smoother::initialise(Track& track) const {
     for (const auto& o : track.observations) {
       const auto [it, fresh] = parameters.try_emplace(o.window, to_parameters(states_[o.window]));
       problem.AddResidualBlock(
-          event_line_cost(o.seen.events, windows_[o.window].imu->bias(), projection_, line_noise(options_))
+          event_line_cost(o.seen.events, windows_[o.window].bias, projection_, line_noise(options_))
               .release(),
           nullptr, it->second.pose.data(), it->second.motion.data(), ends.data());
       problem.SetParameterBlockConstant(it->second.pose.data());
