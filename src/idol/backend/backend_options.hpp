@@ -42,6 +42,7 @@ struct BackendOptions {
   double batch_s = 24;
   int lag_windows = 20;
   int max_iterations = 4;
+  bool use_rest = true;
   bool refine_calibration = true;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
@@ -107,6 +108,8 @@ struct BackendOptions {
     visit("lag_windows", self.lag_windows, Range{2, 1e6},
           "windows optimised at a time: after the batch, the oldest pose fixed (paper VI), or the fixed lag");
     visit("max_iterations", self.max_iterations, Range{1, 1000}, "of the solver per window");
+    visit("use_rest", self.use_rest, Range{},
+          "where neither image nor IMU moves, the state does not either; false for what glides or floats");
     visit("refine_calibration", self.refine_calibration, Range{},
           "estimate the camera's rotation in the IMU's frame (to some deg) and focal length (to some "
           "percent) too");

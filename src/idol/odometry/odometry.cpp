@@ -151,7 +151,7 @@ void Odometry::start_when_known(bool last) {
     if (held_.back()->window.end < until && !last) return;
     const auto samples = imu_.slice(begin, until, 0);
     ImuInitOptions options = options_.start;
-    if (image_moves()) options.still_gyro_std = 0;  // whatever the IMU says
+    if (!options_.backend.use_rest || image_moves()) options.still_gyro_std = 0;  // whatever the IMU says
     try {
       start(initialise_from_imu(samples, options_.backend.gravity, options));
     } catch (const ViolentStart& e) {
@@ -259,7 +259,8 @@ void Odometry::estimate(const Segmented& segmented) {
   const std::int64_t noise = segmented.counts.hot + segmented.counts.unsupported;
   measurement.still =
       rest_.update(window, segments.segments.size(), noise - std::exchange(noise_events_, noise), inside,
-                   from.bias, options_.backend.gravity);
+                   from.bias, options_.backend.gravity) &&
+      options_.backend.use_rest;
   measurement.lines = observe(window, segments, *measurement.imu);
   if (options_.backend.method == BackendMethod::kFixedLag)
     for (int k = 0, n = bin_count(window); k < n; ++k)
