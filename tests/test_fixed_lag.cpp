@@ -277,22 +277,22 @@ TEST(Backend, StatesBetweenTwoLieOnTheMotion) {
     out.v_w = k.velocity_w;
     return out;
   };
-  constexpr double kWindow = 0.05, kTurn = 1.2e-4;
+  constexpr double kStep = 0.05, kTurn = 1.2e-4;
   double turned = 0;
-  for (double s = 3; s < 7; s += kWindow) {
-    const NavState from = state(s), to = state(s + kWindow);
-    turned = std::max(turned, (spline.at(s + kWindow).rate_i - spline.at(s).rate_i).norm());
+  for (double s = 3; s < 7; s += kStep) {
+    const NavState from = state(s), to = state(s + kStep);
+    turned = std::max(turned, (spline.at(s + kStep).rate_i - spline.at(s).rate_i).norm());
     for (double u : {0.0, 0.2, 0.5, 0.9, 1.0}) {
-      const NavState expected = state(s + u * kWindow);
+      const NavState expected = state(s + u * kStep);
       const NavState got =
-          state_between(from, spline.at(s).rate_i, to, spline.at(s + kWindow).rate_i, expected.t);
+          state_between(from, spline.at(s).rate_i, to, spline.at(s + kStep).rate_i, expected.t);
       EXPECT_EQ(got.t, expected.t);
       EXPECT_LT((got.T_w_i.p - expected.T_w_i.p).norm(), 6e-5);
       EXPECT_LT(quat_log(got.T_w_i.q.conjugate() * expected.T_w_i.q).norm(), kTurn);
       EXPECT_LT((got.v_w - expected.v_w).norm(), 5e-3);
     }
   }
-  EXPECT_GT(turned * kWindow / 8, 5 * kTurn);  // so far off is a constant rate
+  EXPECT_GT(turned * kStep / 8, 5 * kTurn);  // so far off is a constant rate
 }
 
 TEST(ChainSystem, AnIndefiniteSystemGivesNoStep) {
