@@ -39,6 +39,17 @@ inline SimulatedRecording record(const Rig& rig, double duration_s) {
 }
 
 // Both streams to the odometry in packets of `chunk` events, the IMU up to the packet's end first.
+inline void feed(Odometry& odometry, const SimulatedRecording& data, std::size_t chunk) {
+  std::size_t imu = 0;
+  for (std::size_t i = 0; i < data.events.size(); i += chunk) {
+    const std::span events(data.events.data() + i, std::min(chunk, data.events.size() - i));
+    for (; imu < data.imu.size() && data.imu[imu].t <= events.back().t; ++imu) odometry.push(data.imu[imu]);
+    odometry.push(events);
+  }
+  for (; imu < data.imu.size(); ++imu) odometry.push(data.imu[imu]);
+  odometry.finish();
+}
+
 inline std::vector<NavState> estimate(const Rig& rig, const SimulatedRecording& data, std::size_t chunk,
                                       std::string_view name, std::vector<NavState>* causal = nullptr,
                                       int threads = 2) {
@@ -48,14 +59,7 @@ inline std::vector<NavState> estimate(const Rig& rig, const SimulatedRecording& 
   odometry.on_estimate([&](const Estimate& e) {
     if (causal != nullptr) causal->push_back(e.state);
   });
-  std::size_t imu = 0;
-  for (std::size_t i = 0; i < data.events.size(); i += chunk) {
-    const std::span events(data.events.data() + i, std::min(chunk, data.events.size() - i));
-    for (; imu < data.imu.size() && data.imu[imu].t <= events.back().t; ++imu) odometry.push(data.imu[imu]);
-    odometry.push(events);
-  }
-  for (; imu < data.imu.size(); ++imu) odometry.push(data.imu[imu]);
-  odometry.finish();
+  feed(odometry, data, chunk);
   return odometry.smoother().states();
 }
 

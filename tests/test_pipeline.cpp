@@ -100,7 +100,6 @@ TEST(Pipeline, LagModeKeepsGoingAfterTheBatch) {
   EXPECT_LT(errors.rotation_deg, 4.0);
 }
 
-// The same with and without being told early, and nothing kept waiting.
 // What a window has measured goes when no last pass will need it.
 TEST(Pipeline, MemoryHardlyGrowsWithTheLengthOfARun) {
   const Rig rig = davis_rig();
@@ -112,11 +111,7 @@ TEST(Pipeline, MemoryHardlyGrowsWithTheLengthOfARun) {
   std::vector<double> used_kb;
   odometry.on_estimate(
       [&](const Estimate&) { used_kb.push_back(static_cast<double>(mallinfo2().uordblks) / 1e3); });
-  std::size_t imu = 0;
-  for (const Event& event : data.events) {
-    for (; imu < data.imu.size() && data.imu[imu].t <= event.t; ++imu) odometry.push(data.imu[imu]);
-    odometry.push({&event, 1});
-  }
+  feed(odometry, data, 1);
   const auto mean = [&](std::size_t from) {
     return std::accumulate(&used_kb[from], &used_kb[from] + 40, 0.0) / 40;
   };
@@ -124,6 +119,7 @@ TEST(Pipeline, MemoryHardlyGrowsWithTheLengthOfARun) {
   EXPECT_NEAR(mean(used_kb.size() - 40), mean(60), 200);
 }
 
+// The same with and without being told early, and nothing kept waiting.
 TEST(Pipeline, ImuThatEndsBeforeTheEvents) {
   const Rig rig = davis_rig();
   auto data = record(rig, 1.5);

@@ -186,7 +186,8 @@ void FixedLag::marginalise_oldest() {
   if (!keeps_past()) drop_past();
 }
 
-// Only the states stay: memory hardly grows with the length of a run.
+// Only the states stay: memory hardly grows with the length of a run. (Assigning {} to a vector would keep
+// it.)
 void FixedLag::drop_past() {
   for (auto& [id, track] : tracks_) std::vector<Observation>().swap(track.past);
   for (; dropped_ < first_; ++dropped_) {
