@@ -72,11 +72,7 @@ class Lookup {
   void fill(std::vector<TrueImage> lines) {
     for (auto& cell : cells_) cell.clear();
     lines_ = std::move(lines);
-    for (std::uint32_t k = 0; k < lines_.size(); ++k) {
-      const Vec2 d = lines_[k].b - lines_[k].a;
-      const int steps = static_cast<int>(d.norm() / kCell) + 1;
-      for (int s = 0; s <= steps; ++s) mark(lines_[k].a + d * s / steps, k);
-    }
+    for (std::uint32_t k = 0; k < lines_.size(); ++k) mark(lines_[k].a, lines_[k].b, k);
   }
 
   /// Calls take(line, distance) for lines that may be near.
@@ -95,14 +91,23 @@ class Lookup {
   [[nodiscard]] int row(const Vec2& px) const {
     return static_cast<int>(std::floor((px.y() + kBorder) / kCell));
   }
-  void mark(const Vec2& px, std::uint32_t k) {
-    constexpr int kCells = kReach / kCell + 1;
-    for (int r = row(px) - kCells; r <= row(px) + kCells; ++r)
-      for (int c = column(px) - kCells; c <= column(px) + kCells; ++c) {
-        if (c < 0 || r < 0 || c >= cols_ || r >= rows_) continue;
-        auto& cell = cells_[static_cast<std::size_t>(r * cols_ + c)];
-        if (cell.empty() || cell.back() != k) cell.push_back(k);
+  // All cells that have a point within kReach of the segment, row by row, and some more.
+  void mark(const Vec2& a, const Vec2& b, std::uint32_t k) {
+    const Vec2 d = b - a, reach = Vec2::Constant(kReach), low = a.cwiseMin(b) - reach,
+               high = a.cwiseMax(b) + reach;
+    for (int r = std::max(0, row(low)); r <= std::min(rows_ - 1, row(high)); ++r) {
+      double from = 0, to = 1;  // of the segment, in reach of this row
+      if (std::abs(d.y()) > 1e-6) {
+        const double top = (r * kCell - kBorder - kReach - a.y()) / d.y();
+        const double bottom = ((r + 1) * kCell - kBorder + kReach - a.y()) / d.y();
+        from = std::clamp(std::min(top, bottom), 0.0, 1.0);
+        to = std::clamp(std::max(top, bottom), 0.0, 1.0);
       }
+      const Vec2 p = a + from * d, q = a + to * d;
+      const int first = std::max(0, column(p.cwiseMin(q) - reach));
+      const int last = std::min(cols_ - 1, column(p.cwiseMax(q) + reach));
+      for (int c = first; c <= last; ++c) cells_[static_cast<std::size_t>(r * cols_ + c)].push_back(k);
+    }
   }
 
   int cols_, rows_;
@@ -188,15 +193,13 @@ class Judge {
       const Vec2 a = s.line.point(s.line.u_min, s.line.time), b = s.line.point(s.line.u_max, s.line.time);
       const auto it = tracks_.find(s.id);
       if (it == tracks_.end()) continue;
-      const int best = it->second.best().first;
-      for (const TrueImage& line : truth_.seen(t)) {
-        if (line.line != best) continue;
-        const Vec2 along = (line.b - line.a).normalized(), across(-along.y(), along.x());
-        const double ea = across.dot(a - line.a), eb = across.dot(b - line.a);
-        offsets_.push_back(std::sqrt((ea * ea + eb * eb) / 2));
-        if (s.line.length_px() > kLong)
-          angles_.push_back(180 / M_PI * std::atan(std::abs(ea - eb) / s.line.length_px()));
-      }
+      const auto line = truth_.seen(it->second.best().first, t);
+      if (!line) continue;
+      const Vec2 along = (line->b - line->a).normalized(), across(-along.y(), along.x());
+      const double ea = across.dot(a - line->a), eb = across.dot(b - line->a);
+      offsets_.push_back(std::sqrt((ea * ea + eb * eb) / 2));
+      if (s.line.length_px() > kLong)
+        angles_.push_back(180 / M_PI * std::atan(std::abs(ea - eb) / s.line.length_px()));
     }
   }
 

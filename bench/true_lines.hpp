@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "idol/base/camera.hpp"
@@ -31,28 +32,53 @@ class TrueLines {
     const auto truth = read_groundtruth(sequence);
     if (!truth) throw DataError(sequence.string() + ": no ground truth");
     poses_ = *truth;
+    for (int k = 0; k < camera.width; ++k) widen(Vec2(k, 0)), widen(Vec2(k, camera.height - 1));
+    for (int k = 0; k < camera.height; ++k) widen(Vec2(0, k)), widen(Vec2(camera.width - 1, k));
+    view_ = (1.05 * view_).cwiseMin(kWidest);
   }
 
   /// Edges whose events arrive at `t`.
   [[nodiscard]] std::vector<TrueImage> seen(Time t) const {
     const Pose T_c_w = pose(t - from_seconds(kTrail)).inverse();
     std::vector<TrueImage> out;
-    for (std::size_t k = 0; k < ends_.size(); ++k) {
-      Vec3 a = T_c_w * ends_[k].a, b = T_c_w * ends_[k].b;
-      constexpr double kNear = 0.05;
-      if (a.z() < kNear && b.z() < kNear) continue;
-      if (a.z() < kNear) a = b + (b.z() - kNear) / (b.z() - a.z()) * (a - b);
-      if (b.z() < kNear) b = a + (a.z() - kNear) / (a.z() - b.z()) * (b - a);
-      const TrueImage line = on_sensor(static_cast<int>(k), a, b);
-      if (line.length > 0) out.push_back(line);
-    }
+    for (int k = 0; k < static_cast<int>(ends_.size()); ++k)
+      if (const auto line = image(k, T_c_w)) out.push_back(*line);
     return out;
   }
 
+  /// One of them, if it is in view.
+  [[nodiscard]] std::optional<TrueImage> seen(int line, Time t) const {
+    if (line < 0) return std::nullopt;
+    return image(line, pose(t - from_seconds(kTrail)).inverse());
+  }
+
  private:
+  static constexpr double kWidest = 1.2;  // beyond these normalised coordinates distortion models turn around
+
   struct Ends {
     Vec3 a, b;
   };
+
+  void widen(const Vec2& border_px) {
+    const Vec2 px = camera_.undistort(border_px);
+    view_ = view_.cwiseMax(camera_.normalise(px).cwiseAbs());
+  }
+
+  [[nodiscard]] std::optional<TrueImage> image(int line, const Pose& T_c_w) const {
+    const Ends& ends = ends_[static_cast<std::size_t>(line)];
+    Vec3 a = T_c_w * ends.a, b = T_c_w * ends.b;
+    constexpr double kNear = 0.05;
+    if (a.z() < kNear && b.z() < kNear) return std::nullopt;
+    if (a.z() < kNear) a = b + (b.z() - kNear) / (b.z() - a.z()) * (a - b);
+    if (b.z() < kNear) b = a + (a.z() - kNear) / (a.z() - b.z()) * (b - a);
+    for (int axis = 0; axis < 2; ++axis) {  // most lines are beside the view
+      const double reach_a = view_[axis] * a.z(), reach_b = view_[axis] * b.z();
+      if ((a[axis] > reach_a && b[axis] > reach_b) || (a[axis] < -reach_a && b[axis] < -reach_b))
+        return std::nullopt;
+    }
+    const TrueImage out = on_sensor(line, a, b);
+    return out.length > 0 ? std::optional(out) : std::nullopt;
+  }
 
   [[nodiscard]] Pose pose(Time t) const {
     auto after = std::lower_bound(poses_.begin(), poses_.end(), t,
@@ -66,20 +92,19 @@ class TrueLines {
   // The part between the first and the last of some points on it that the sensor sees.
   [[nodiscard]] TrueImage on_sensor(int line, const Vec3& a, const Vec3& b) const {
     constexpr int kSteps = 40;
-    constexpr double kWidest = 1.2;  // beyond these normalised coordinates distortion models turn around
-    int first = -1, last = -1;
-    for (int k = 0; k <= kSteps; ++k) {
+    const auto visible = [&](int k) {
       const Vec3 x = a + (b - a) * k / kSteps;
       const Vec2 m(x.x() / x.z(), x.y() / x.z());
-      if (m.norm() > kWidest) continue;
+      if (m.norm() > kWidest) return false;
       const Vec2 px = camera_.distort(m);
-      if (px.x() < 0 || px.y() < 0 || px.x() > camera_.width - 1 || px.y() > camera_.height - 1) continue;
-      if (first < 0) first = k;
-      last = k;
-    }
+      return px.x() >= 0 && px.y() >= 0 && px.x() <= camera_.width - 1 && px.y() <= camera_.height - 1;
+    };
+    int first = 0, last = kSteps;
+    while (first <= last && !visible(first)) ++first;
+    while (last > first && !visible(last)) --last;
     TrueImage out;
     out.line = line;
-    if (first < 0) return out;
+    if (first > last) return out;
     out.a = camera_.project(a + (b - a) * first / kSteps);
     out.b = camera_.project(a + (b - a) * last / kSteps);
     out.length = (out.b - out.a).norm();
@@ -87,6 +112,7 @@ class TrueLines {
   }
 
   Camera camera_;
+  Vec2 view_ = Vec2::Zero();  // largest normalised coordinates that the sensor sees, and some more
   std::vector<Ends> ends_;
   Trajectory poses_;
 };
