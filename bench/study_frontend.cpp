@@ -5,6 +5,7 @@
 // gyro=0: the camera's turns are not given.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdio>
@@ -16,6 +17,7 @@
 #include "idol/base/median.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/rig.hpp"
+#include "idol/frontend/delayed_labels.hpp"
 #include "idol/odometry/presets.hpp"
 #include "true_lines.hpp"
 
@@ -152,6 +154,32 @@ class Judge {
 
   void start(Time t) { next_view_ = t; }
 
+  /// Takes the trail at which most of some events lie on a line.
+  void find_trail(std::span<const Event> events) {
+    constexpr std::array<double, 9> kTrails{0, 3e-4, 7e-4, 1.2e-3, 2e-3, 3e-3, 4.5e-3, 6.5e-3, 9e-3};  // [s]
+    constexpr std::size_t kSlots = 60, kInSlot = 200;
+    std::int64_t most = -1;
+    for (const double trail : kTrails) {
+      truth_.set_trail(trail);
+      std::int64_t on = 0;
+      for (std::size_t k = 0; k < kSlots; ++k) {
+        const std::size_t from = k * events.size() / kSlots, to = std::min(events.size(), from + kInSlot);
+        if (from == to) continue;
+        lookup_.fill(truth_.seen(events[(from + to) / 2].t));
+        for (const Event& e : events.subspan(from, to - from)) {
+          double nearest = 1e9;
+          lookup_.near(undistort_(e.x, e.y).cast<double>(),
+                       [&](const TrueImage&, double distance) { nearest = std::min(nearest, distance); });
+          on += nearest < 1 ? 1 : 0;
+        }
+      }
+      if (on > most) most = on, trail_s_ = trail;
+    }
+    truth_.set_trail(trail_s_);
+    slot_ = -1;
+  }
+  [[nodiscard]] double trail_s() const { return trail_s_; }
+
  private:
   void judge_event(const Event& e, LineId id) {
     const Vec2 px = undistort_(e.x, e.y).cast<double>();
@@ -159,7 +187,9 @@ class Judge {
     std::array<int, 32> near{};
     std::size_t count = 0;
     lookup_.near(px, [&](const TrueImage& line, double distance) {
-      if (distance < kNear && count < near.size()) near[count++] = line.line;
+      if (distance < kNear && count < near.size() &&
+          std::find(near.begin(), near.begin() + count, line.line) == near.begin() + count)
+        near[count++] = line.line;
       if (distance < nearest) {
         second = nearest;
         nearest = distance;
@@ -237,6 +267,7 @@ class Judge {
   }
 
   TrueLines truth_;
+  double trail_s_ = 0;
   UndistortMap undistort_;
   Lookup lookup_;
   Time slot_ = -1, next_view_ = 0;
@@ -297,9 +328,13 @@ void study(const std::filesystem::path& sequence, const Settings& settings) {
   Judge judge(sequence, *camera);
   const Time from = events.front().t + from_seconds(settings.from_s);
   judge.start(from);
+  judge.find_trail(std::span(events).subspan(static_cast<std::size_t>(
+      std::lower_bound(events.begin(), events.end(), from, [](const Event& e, Time t) { return e.t < t; }) -
+      events.begin())));
   double seconds = 0;
   std::size_t judged = 0;
   const std::vector<CameraRate> rates = settings.gyro ? read_rates(sequence) : std::vector<CameraRate>();
+  DelayedLabels labels;
   const auto process = [&](const EventWindow& window) {
     const auto before = std::chrono::steady_clock::now();
     const SegmentedWindow segments = segmenter->process(window, rates_over(rates, window));
@@ -307,12 +342,14 @@ void study(const std::filesystem::path& sequence, const Settings& settings) {
     if (window.begin < from) return;
     seconds += spent.count();
     judged += window.events.size() - window.overlap;
-    judge.add(window, segments);
+    labels.add(window, segments);
+    while (const auto ready = labels.pop()) judge.add(ready->window, ready->segments);
   };
   for (const Event& e : events) {
     windower.push({&e, 1});
     while (const auto window = windower.pop()) process(*window);
   }
+  while (const auto ready = labels.flush()) judge.add(ready->window, ready->segments);
   fmt::print("| {} | {} {:.2f} |\n", sequence.filename().string(), judge.row(),
              1e-6 * static_cast<double>(judged) / seconds);
   std::fflush(stdout);

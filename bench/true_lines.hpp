@@ -13,9 +13,8 @@
 
 namespace idol::bench {
 
-constexpr double kTrail = 0.0007;  // [s] that events come after the edge
-
-/// A true line in the undistorted image, cut to what the camera can see.
+/// A true line in the undistorted image, cut to what the camera can see. Pieces of one straight line, such as
+/// the panes of a window, have one number.
 struct TrueImage {
   int line = 0;
   Vec2 a, b;
@@ -35,11 +34,15 @@ class TrueLines {
     for (int k = 0; k < camera.width; ++k) widen(Vec2(k, 0)), widen(Vec2(k, camera.height - 1));
     for (int k = 0; k < camera.height; ++k) widen(Vec2(0, k)), widen(Vec2(camera.width - 1, k));
     view_ = (1.05 * view_).cwiseMin(kWidest);
+    join_collinear();
   }
+
+  /// How long after the edge its events come [s].
+  void set_trail(double trail_s) { trail_s_ = trail_s; }
 
   /// Edges whose events arrive at `t`.
   [[nodiscard]] std::vector<TrueImage> seen(Time t) const {
-    const Pose T_c_w = pose(t - from_seconds(kTrail)).inverse();
+    const Pose T_c_w = pose(t - from_seconds(trail_s_)).inverse();
     std::vector<TrueImage> out;
     for (int k = 0; k < static_cast<int>(ends_.size()); ++k)
       if (const auto line = image(k, T_c_w)) out.push_back(*line);
@@ -49,7 +52,7 @@ class TrueLines {
   /// One of them, if it is in view.
   [[nodiscard]] std::optional<TrueImage> seen(int line, Time t) const {
     if (line < 0) return std::nullopt;
-    return image(line, pose(t - from_seconds(kTrail)).inverse());
+    return image(line, pose(t - from_seconds(trail_s_)).inverse());
   }
 
  private:
@@ -57,7 +60,24 @@ class TrueLines {
 
   struct Ends {
     Vec3 a, b;
+    int first = -1;  // of the pieces of its straight line
   };
+
+  void join_collinear() {
+    constexpr double kAngle = 0.01, kOff = 0.005;  // [rad], [m]
+    for (int k = 0; k < static_cast<int>(ends_.size()); ++k) {
+      Ends& mine = ends_[static_cast<std::size_t>(k)];
+      const Vec3 dir = (mine.b - mine.a).normalized();
+      mine.first = k;
+      for (int j = 0; j < k && mine.first == k; ++j) {
+        const Ends& other = ends_[static_cast<std::size_t>(j)];
+        const Vec3 along = (other.b - other.a).normalized();
+        const auto off = [&](const Vec3& x) { return along.cross(x - other.a).norm(); };
+        if (along.cross(dir).norm() < kAngle && off(mine.a) < kOff && off(mine.b) < kOff)
+          mine.first = other.first;
+      }
+    }
+  }
 
   void widen(const Vec2& border_px) {
     const Vec2 px = camera_.undistort(border_px);
@@ -76,7 +96,7 @@ class TrueLines {
       if ((a[axis] > reach_a && b[axis] > reach_b) || (a[axis] < -reach_a && b[axis] < -reach_b))
         return std::nullopt;
     }
-    const TrueImage out = on_sensor(line, a, b);
+    const TrueImage out = on_sensor(ends.first, a, b);
     return out.length > 0 ? std::optional(out) : std::nullopt;
   }
 
@@ -115,6 +135,7 @@ class TrueLines {
   Vec2 view_ = Vec2::Zero();  // largest normalised coordinates that the sensor sees, and some more
   std::vector<Ends> ends_;
   Trajectory poses_;
+  double trail_s_ = 0.0007;
 };
 
 inline double distance_to_segment(const Vec2& p, const TrueImage& line) {

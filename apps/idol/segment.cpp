@@ -9,6 +9,7 @@
 #include "arguments.hpp"
 #include "commands.hpp"
 #include "idol/base/rig.hpp"
+#include "idol/frontend/delayed_labels.hpp"
 #include "idol/frontend/segments.hpp"
 #include "idol/frontend/windower.hpp"
 #include "idol/io/event_monitor.hpp"
@@ -142,10 +143,14 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
   const auto segmenter = make_segmenter(options.segment, undistort);
   Pictures pictures(arguments.pictures, undistort);
   Turns turns(rig);
+  DelayedLabels delayed;
+  const auto write = [&](const LabelledWindow& labelled) {
+    write_labels(writer, labelled.window, labelled.segments);
+    pictures.add(labelled.window, labelled.segments);
+  };
   const auto process = [&](const EventWindow& window) {
-    const SegmentedWindow segments = segmenter->process(window, turns.over(window));
-    write_labels(writer, window, segments);
-    pictures.add(window, segments);
+    delayed.add(window, segmenter->process(window, turns.over(window)));
+    while (const auto labelled = delayed.pop()) write(*labelled);
   };
   std::string failure;
   try {
@@ -161,6 +166,7 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
     failure = e.what();
   }
   if (const auto window = interrupted() ? std::nullopt : windower.flush()) process(*window);
+  while (const auto labelled = delayed.flush()) write(*labelled);
   writer.close();
   return failure;
 }

@@ -33,19 +33,18 @@ struct EventColumns {
 
 // Events that no other line is near to; `mine` gets all bits set where one is claimed. Returns the last of
 // these, or -1.
-IDOL_WIDE std::int32_t claim_own(const EventColumns& events, float gate, ClaimingLine& line,
-                                 std::int32_t* mine) {
+IDOL_WIDE std::int32_t claim_own(const EventColumns& events, ClaimingLine& line, std::int32_t* mine) {
   constexpr IntLanes kUpwards{0, 1, 2, 3, 4, 5, 6, 7};
   constexpr int kEnds = kEndInside + kEndOutside;
   const float cx = line.cx, cy = line.cy, dx = line.dx, dy = line.dy, rate = line.rate, turn = line.turn;
   const float lo = line.lo, hi = line.hi, middle = 0.5F * (lo + hi), per_half = 2 / std::max(1.0F, hi - lo);
-  const float along_at = line.along_at, wanted = line.wanted;
+  const float along_at = line.along_at, wanted = line.wanted, gate = line.gate;
   const float outer = 2 * gate, core_gate = LineClaims::kCoreGate * gate;
   float* const along = line.along;
   const FloatLanes zero{}, nowhere = zero + kEnds;
   const IntLanes any = IntLanes{} - (wanted == 0 ? 1 : 0);
-  FloatLanes su{}, suu{}, sr{}, sur{}, st{}, srr{}, bow{};
-  IntLanes n{}, core{}, ring{}, contrast{}, last = IntLanes{} - 1;
+  FloatLanes su{}, suu{}, sr{}, sur{}, st{}, srr{}, srrrr{}, bow{};
+  IntLanes n{}, core{}, left{}, right{}, contrast{}, last = IntLanes{} - 1;
   std::array<int, kEnds + 1> at_lo{}, at_hi{};  // the last place is for all others
   for (std::size_t from = 0; from < events.n; from += kLanes) {
     FloatLanes x, y, t, polarity;
@@ -56,21 +55,22 @@ IDOL_WIDE std::int32_t claim_own(const EventColumns& events, float gate, Claimin
     const FloatLanes u = dx * x + dy * y;
     const FloatLanes r = dx * y - dy * x - (rate + turn * u) * t;
     const FloatLanes off = r < zero ? -r : r;
-    const IntLanes right = any | (polarity == wanted), close = off < core_gate;
+    const IntLanes fits = any | (polarity == wanted), close = off < core_gate;
     const IntLanes near = (index < static_cast<std::int32_t>(events.n)) & (off < outer);
     const IntLanes on = near & (u > lo - kOnMargin) & (u < hi + kOnMargin);
-    const IntLanes own = on & (off < gate), good = own & right;
-    std::memcpy(mine + from, &own, kLaneBytes);
-    last = own ? index : last;
+    const IntLanes own = on & (off < gate), good = own & fits;
+    std::memcpy(mine + from, &good, kLaneBytes);
+    last = good ? index : last;
     contrast += own & __builtin_convertvector(polarity, IntLanes);
-    core -= on & right & close, ring -= on & right & ~close;
+    core -= on & fits & close;
+    left -= on & fits & ~close & (r < zero), right -= on & fits & ~close & (r > zero);
     n -= good;
     const FloatLanes gu = good ? u : zero, gr = good ? r : zero, v = (u - middle) * per_half;
-    su += gu, suu += gu * u, sr += gr, sur += gr * u, srr += gr * r, st += good ? t : zero;
+    su += gu, suu += gu * u, sr += gr, sur += gr * u, srr += gr * r, srrrr += gr * gr * gr * r, st += good ? t : zero;
     bow += gr * (1.5F * v * v - 0.5F);
     const IntLanes pixel = good & __builtin_convertvector(gu - along_at, IntLanes);
     const FloatLanes counted = good ? zero + 1 : zero;
-    const IntLanes ending = near & right & (off < gate);
+    const IntLanes ending = near & fits & (off < gate);
     const FloatLanes beyond_lo = lo - u + kEndInside, beyond_hi = u - hi + kEndInside;
     const IntLanes is_lo = ending & (beyond_lo > zero) & (beyond_lo < kEnds);
     const IntLanes is_hi = ending & (beyond_hi > zero) & (beyond_hi < kEnds);
@@ -83,9 +83,10 @@ IDOL_WIDE std::int32_t claim_own(const EventColumns& events, float gate, Claimin
   }
   std::int32_t newest = -1;
   for (std::size_t k = 0; k < kLanes; ++k) {
-    line.n += n[k], line.core += core[k], line.ring += ring[k], line.contrast += contrast[k];
+    line.n += n[k], line.core += core[k], line.left += left[k], line.right += right[k],
+        line.contrast += contrast[k];
     line.u += su[k], line.uu += suu[k], line.r += sr[k], line.ur += sur[k], line.t += st[k];
-    line.rr += srr[k], line.bow += bow[k];
+    line.rr += srr[k], line.rrrr += srrrr[k], line.bow += bow[k];
     newest = std::max(newest, last[k]);
   }
   for (std::size_t k = 0; k < kEnds; ++k) {
@@ -97,8 +98,7 @@ IDOL_WIDE std::int32_t claim_own(const EventColumns& events, float gate, Claimin
 
 }  // namespace
 
-LineClaims::LineClaims(const UndistortMap& undistort, float gate)
-    : width_(static_cast<std::size_t>(undistort.width())), gate_(gate) {
+LineClaims::LineClaims(const UndistortMap& undistort) : width_(static_cast<std::size_t>(undistort.width())) {
   const int w = undistort.width(), h = undistort.height();
   // Strong distortion can throw the corners far out: cells beyond twice the sensor are of no use.
   Eigen::Vector2f low(1e9F, 1e9F), high(-1e9F, -1e9F);
@@ -130,7 +130,7 @@ std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::s
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const ClaimingLine& line = lines[k];
     const float fastest = std::abs(line.rate) + std::abs(line.turn) * (line.hi - line.lo) / 2;
-    draw(static_cast<std::uint16_t>(k + 1), line, 2 * gate_ + std::min(4.0F, fastest * half_span));
+    draw(static_cast<std::uint16_t>(k + 1), line, 2 * line.gate + std::min(4.0F, fastest * half_span));
   }
   sort_by_line(events, middle, lines.size(), loneliness);
   std::fill_n(labels, events.size(), kNoLine);
@@ -139,7 +139,7 @@ std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::s
     if (n == 0) continue;
     ClaimingLine& line = lines[k];
     const std::int32_t last =
-        claim_own({&x_[from], &y_[from], &t_[from], &polarity_[from], n}, gate_, line, mine_.data());
+        claim_own({&x_[from], &y_[from], &t_[from], &polarity_[from], n}, line, mine_.data());
     if (last < 0) continue;
     for (std::size_t i = 0; i < n; ++i) labels[order_[from + i]] = mine_[i] != 0 ? line.id : kNoLine;
     line.last = events[order_[from + static_cast<std::size_t>(last)]].t;
@@ -227,14 +227,15 @@ void LineClaims::sort_by_line(std::span<const Event> events, Time middle, std::s
   }
 }
 
-// Of the lines that reach to the event, the nearest; only it counts the event, unless a second is as near.
+// Of the lines that reach to the event and fire with its polarity, the nearest by its own width; only it
+// counts the event, unless a second is as near.
 ClaimingLine* LineClaims::claim_contested(std::size_t at, const Cell& named,
                                           std::span<ClaimingLine> lines) const {
   std::array<Candidate, kNamed> near;
   std::size_t count = 0;
-  const float outer = 2 * gate_;
+  const float polarity = polarity_[at];
   ClaimingLine* chosen = nullptr;
-  float best = outer, best_u = 0, second = 1e9F;
+  float best = 2, best_r = 0, best_u = 0, second = 1e9F;  // distances in gates
   bool best_on = false;
   // Lines that reach here go before those that might only grow to here.
   for (const std::uint16_t index : named) {
@@ -244,29 +245,28 @@ ClaimingLine* LineClaims::claim_contested(std::size_t at, const Cell& named,
     const float u = line.dx * x + line.dy * y;
     if (u < line.lo - kEndMargin || u > line.hi + kEndMargin) continue;
     const float r = line.dx * y - line.dy * x - (line.rate + line.turn * u) * t_[at];
-    if (std::abs(r) >= outer) continue;
+    const float off = std::abs(r) / line.gate;
+    if (off >= 2) continue;
     const bool on = u > line.lo - kOnMargin && u < line.hi + kOnMargin;
+    if (on && off < 1) line.contrast += polarity > 0 ? 1 : -1;
+    if (line.wanted != 0 && line.wanted != polarity) continue;
     near[count++] = {&line, u, r};
-    if (on > best_on || (on == best_on && std::abs(r) < std::abs(best))) {
+    if (on > best_on || (on == best_on && off < best)) {
       if (best_on) second = best;
-      best = r, best_u = u, best_on = on, chosen = &line;
+      best = off, best_r = r, best_u = u, best_on = on, chosen = &line;
     } else if (on) {
-      second = r;
+      second = std::min(second, off);
     }
   }
   if (!chosen) return nullptr;
-  const float off = std::abs(best), polarity = polarity_[at];
-  const bool mine = best_on && off < gate_;
-  if (mine) chosen->contrast += polarity > 0 ? 1 : -1;
-  ClaimingLine* const owner = mine ? chosen : nullptr;
-  if (chosen->wanted != 0 && chosen->wanted != polarity) return owner;
-  if (best_on) ++(off < kCoreGate * gate_ ? chosen->core : chosen->ring);
-  if (mine) ++chosen->along[static_cast<int>(best_u - chosen->along_at)];
-  if (off >= gate_ || std::abs(second) < 1.5F * off + 0.5F) return owner;
+  ClaimingLine* const owner = best_on && best < 1 ? chosen : nullptr;
+  if (best_on) ++(best < kCoreGate ? chosen->core : best_r < 0 ? chosen->left : chosen->right);
+  if (owner) ++chosen->along[static_cast<int>(best_u - chosen->along_at)];
+  if (best >= 1 || second < 1.5F * best + 0.33F) return owner;
   for (const Candidate& c : std::span(near).first(count)) {
     // A piece of the same line grows by the events of its neighbour, too.
     ClaimingLine& piece = *c.line;
-    if (std::abs(c.r) >= gate_ || std::abs(piece.dx * chosen->dx + piece.dy * chosen->dy) < kParallel)
+    if (std::abs(c.r) >= piece.gate || std::abs(piece.dx * chosen->dx + piece.dy * chosen->dy) < kParallel)
       continue;
     count_end(piece.at_lo, piece.lo - c.u);
     count_end(piece.at_hi, c.u - piece.hi);
@@ -275,9 +275,10 @@ ClaimingLine* LineClaims::claim_contested(std::size_t at, const Cell& named,
   const float middle = 0.5F * (chosen->lo + chosen->hi);
   const float v = 2 * (best_u - middle) / std::max(1.0F, chosen->hi - chosen->lo);
   ++chosen->n;
-  chosen->u += best_u, chosen->uu += best_u * best_u, chosen->r += best, chosen->ur += best_u * best;
-  chosen->t += t_[at], chosen->rr += best * best;
-  chosen->bow += best * (1.5F * v * v - 0.5F);
+  chosen->u += best_u, chosen->uu += best_u * best_u, chosen->r += best_r, chosen->ur += best_u * best_r;
+  chosen->t += t_[at], chosen->rr += best_r * best_r;
+  chosen->rrrr += best_r * best_r * best_r * best_r;
+  chosen->bow += best_r * (1.5F * v * v - 0.5F);
   return owner;
 }
 

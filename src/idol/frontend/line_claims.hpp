@@ -22,6 +22,7 @@ struct ClaimingLine {
   LineId id = kNoLine;
   float cx = 0, cy = 0, dx = 1, dy = 0, lo = 0, hi = 0;
   float rate = 0, turn = 0;  ///< of the offset and the slope [px/s, 1/s]
+  float gate = 1.5F;         ///< events nearer are its own [px]
   float wanted = 0;          ///< polarity expected: 1, -1, or 0 for any
   float* along = nullptr;    ///< events by pixels along the line, the first at `along_at`: added to
   float along_at = 0;
@@ -29,8 +30,8 @@ struct ClaimingLine {
   /// Of the events near the line and no other: number, sums along it, across it (by prediction) and of times
   /// from the middle, and of the second Legendre polynomial along it, by distance.
   int n = 0;
-  float u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0, bow = 0;
-  int core = 0, ring = 0;  ///< events near it, and farther out
+  float u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0, rrrr = 0, bow = 0;
+  int core = 0, left = 0, right = 0;  ///< events near it, and farther out to either side
   int contrast = 0;        ///< events of polarity on less those off
   EndCounts at_lo = EndCounts::Zero(), at_hi = EndCounts::Zero();
   Time last = 0;  ///< newest event claimed
@@ -38,8 +39,7 @@ struct ClaimingLine {
 
 class LineClaims {
  public:
-  /// Events nearer than `gate` to a line are its own [px].
-  LineClaims(const UndistortMap& undistort, float gate);
+  explicit LineClaims(const UndistortMap& undistort);
   /// Labels the events of a batch (time order) with the ids of `lines`, to which it adds what they say; those
   /// without are in rest(). Events of pixels with `loneliness` of kHot or more are left out: returns how
   /// many.
@@ -67,7 +67,6 @@ class LineClaims {
   ClaimingLine* claim_contested(std::size_t at, const Cell& named, std::span<ClaimingLine> lines) const;
 
   std::size_t width_;
-  float gate_;
   std::vector<Pixel> pixels_;
   // The undistorted plane in cells, each naming the lines that pass.
   Eigen::Vector2f low_ = Eigen::Vector2f::Zero();  // corner of the first cell

@@ -1,77 +1,125 @@
 #include "idol/frontend/line_detector.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <bit>
 #include <cmath>
+#include <cstring>
+#include <span>
+
+#include "idol/base/wide.hpp"
+#include "idol/frontend/exp.hpp"
 
 namespace idol {
 namespace {
 
-constexpr std::size_t kPool = 4096;  // clusters alive at once; the oldest give way
-constexpr int kMinPatch = 7;         // events of a plane
-constexpr float kMinPlanarity = 0.5F;
-constexpr EdgeLimits kAlike{0.9F, 1};  // of neighbours in one line
-constexpr int kBlock = 8;              // pieces of the image, in which events may be thinned [px]
-constexpr int kPatience = 24;          // passages there of late, before only one of kFewer is looked at
-constexpr int kFewer = 4;
-constexpr double kFadeEvery = 0.2;      // [s]: a quarter of them is forgotten
-constexpr int kMinCluster = 24;         // passages before a cluster is tested, and between tests
-constexpr double kMaxThickness = 0.62;  // rms distance of a cluster's events from its moving line [px]
+constexpr std::uint32_t kFirstTest = 12;  // new events in a cell before it is tested,
+constexpr std::uint32_t kLastTest = 96;   // and where it was in vain again and again
+const int kFewest = static_cast<int>(X(kFewest, 20));               // events on a line
+constexpr int kRounds = 7;
+constexpr float kFirstGate = 1.4F, kNarrowest = 0.3F, kPlace = 20;  // [px]
+const float kSignificant = static_cast<float>(X(kSignificant, 3.8));      // standard deviations by which its events are more than those beside
+const float kWidest = static_cast<float>(X(kWidest, 2.6));           // scatter of an edge's events across it, at most [px]
+const float kMostBeside = static_cast<float>(X(kMostBeside, 0.6));       // events beside the line, over those on it
+constexpr float kGate = 2.5F;             // standard deviations across the line that are on it
+constexpr float kTruncated = 0.911F;      // variance of a normal distribution cut off there, over its own
+constexpr float kLeastGate = 1.3F, kMostGate = 4.5F;  // [px]
+constexpr int kRecent = 16;               // events of the cell whose span says how far back to look,
+const float kSpans = static_cast<float>(X(kSpans, 12));              // in so many of these
+constexpr float kLongestLook = 1.0F, kShortestLook = 0.002F;  // [s]
+constexpr float kBin = 2;                 // pieces along a line in which its events are counted [px]
+constexpr int kBins = 24;
+const float kSparse = static_cast<float>(X(kSparse, 0.25));          // of the usual count in a piece: where it falls below, the line ends
 
 std::uint32_t to_us(Time t) { return static_cast<std::uint32_t>(t / 1000); }
+
+// n . x = d + v t.
+struct Sheet {
+  float nx = 1, ny = 0, d = 0, v = 0;
+  float sigma = 0, along = 0;  // standard deviations across and along [px]
+  float n = 0, tt = 0;         // events, and their variance in time [s^2]
+};
+
+struct Moments {
+  float n = 0, x = 0, y = 0, t = 0, xx = 0, xy = 0, yy = 0, xt = 0, yt = 0, tt = 0;
+};
+
+// At a fixed time a moving line's events spread along it, and scatter across it: the covariance of (x, y)
+// given t has the line's normal as the axis of its least variance. This needs no scale between time and
+// space.
+bool solve(const Moments& m, Sheet& line) {
+  if (m.n < 6) return false;
+  const float share = 1 / m.n, x = m.x * share, y = m.y * share, t = m.t * share;
+  float xx = m.xx * share - x * x, yy = m.yy * share - y * y, xy = m.xy * share - x * y;
+  const float xt = m.xt * share - x * t, yt = m.yt * share - y * t;
+  const float tt = std::max(m.tt * share - t * t, 1e-10F);
+  xx -= xt * xt / tt, yy -= yt * yt / tt, xy -= xt * yt / tt;
+  const float mean = 0.5F * (xx + yy), half = std::hypot(0.5F * (xx - yy), xy);
+  const float angle = 0.5F * std::atan2(2 * xy, xx - yy);  // of the line
+  line.nx = -std::sin(angle), line.ny = std::cos(angle);
+  line.sigma = std::sqrt(std::max(0.0F, mean - half));
+  line.along = std::sqrt(mean + half);
+  line.v = (line.nx * xt + line.ny * yt) / tt;
+  line.d = line.nx * x + line.ny * y - line.v * t;
+  line.n = m.n, line.tt = tt;
+  return std::isfinite(line.d) && std::isfinite(line.v);
+}
+
+}  // namespace
+
+struct LineDetector::Columns {
+  static constexpr std::size_t kMost = 9 * kKept + kLanes;
+  std::array<float, kMost> x, y, t;
+  std::size_t n = 0;
+  std::array<std::size_t, 10> starts{};  // of each cell's
+
+  void push(float px, float py, float s) { x[n] = px, y[n] = py, t[n] = s, ++n; }
+};
+
+namespace {
+
+// The moments of the events within the gate.
+IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::size_t n, const Sheet& line,
+                        float gate, Moments& out) {
+  constexpr IntLanes kUpwards{0, 1, 2, 3, 4, 5, 6, 7};
+  const float nx = line.nx, ny = line.ny, d = line.d, v = line.v;
+  const FloatLanes zero{};
+  FloatLanes sn{}, sx{}, sy{}, st{}, sxx{}, sxy{}, syy{}, sxt{}, syt{}, stt{};
+  for (std::size_t from = 0; from < n; from += kLanes) {
+    FloatLanes x, y, t;
+    std::memcpy(&x, xs + from, kLaneBytes), std::memcpy(&y, ys + from, kLaneBytes);
+    std::memcpy(&t, ts + from, kLaneBytes);
+    const FloatLanes r = nx * x + ny * y - d - v * t;
+    const IntLanes in = (r < gate) & (r > -gate) & (kUpwards + static_cast<std::int32_t>(from) <
+                                                    static_cast<std::int32_t>(n));
+    x = in ? x : zero, y = in ? y : zero, t = in ? t : zero;
+    sn += in ? zero + 1 : zero;
+    sx += x, sy += y, st += t, sxx += x * x, sxy += x * y, syy += y * y, sxt += x * t, syt += y * t;
+    stt += t * t;
+  }
+  for (std::size_t k = 0; k < kLanes; ++k) {
+    out.n += sn[k], out.x += sx[k], out.y += sy[k], out.t += st[k], out.xx += sxx[k], out.xy += sxy[k];
+    out.yy += syy[k], out.xt += sxt[k], out.yt += syt[k], out.tt += stt[k];
+  }
+}
+
+float gate_of(float sigma) { return std::clamp(kGate * sigma, kLeastGate, kMostGate); }
 
 }  // namespace
 
 LineDetector::LineDetector(const UndistortMap& undistort)
     : undistort_(&undistort),
-      width_(undistort.width()),
-      height_(undistort.height()),
-      edges_{LocalEdges(undistort.pixels()), LocalEdges(undistort.pixels())},
-      block_cols_((width_ + kBlock - 1) / kBlock),
-      block_rows_((height_ + kBlock - 1) / kBlock),
-      blocks_(static_cast<std::size_t>(block_cols_ * block_rows_)),
-      names_(kPool),
-      pool_(kPool) {
-  const std::size_t pixels = undistort.pixels();
-  for (auto& stamps : stamps_) stamps.resize(pixels + 1);  // a row is read one pixel too far
+      cols_((undistort.width() + kCell - 1) / kCell),
+      rows_((undistort.height() + kCell - 1) / kCell) {
+  for (auto& cells : cells_) cells.resize(static_cast<std::size_t>(cols_ * rows_));
+  for (auto& cells : cells_)
+    for (Cell& cell : cells) cell.wanted = kFirstTest;
 }
 
-LineDetector::Cluster* LineDetector::find(std::uint32_t serial) {
-  while (serial != 0) {
-    const Name& name = names_[serial % kPool];
-    if (name.serial != serial) return nullptr;
-    if (name.merged_into == 0) return &pool_[serial % kPool];
-    serial = name.merged_into;
-  }
-  return nullptr;
-}
-
-LineDetector::Cluster& LineDetector::create(const Eigen::Vector2d& px, Time t) {
-  Cluster& c = pool_[next_serial_ % kPool];
-  c = {};
-  names_[next_serial_ % kPool] = {next_serial_, 0};
-  c.serial = next_serial_++;
-  if (next_serial_ == 0) next_serial_ = 1;
-  c.origin = px;
-  c.t0 = t;
-  return c;
-}
-
-void LineDetector::merge(Cluster& into, Cluster& from) {
-  Eigen::Vector3d d;
-  d << from.origin - into.origin, seconds_between(into.t0, from.t0);
-  into.m += from.m + d * from.s.transpose() + from.s * d.transpose() + from.n * d * d.transpose();
-  into.s += from.s + from.n * d;
-  into.n += from.n;
-  names_[from.serial % kPool].merged_into = into.serial;
-}
-
-void LineDetector::begin_batch(Time begin, double most, double c, double min_length) {
-  c_ = c, min_length_ = min_length;
+void LineDetector::begin_batch(Time begin, double most, double min_length) {
+  min_length_ = min_length;
   if (begin >= next_fade_) {
-    for (Block& block : blocks_) block.tried -= block.tried / 4;
-    next_fade_ = begin + from_seconds(kFadeEvery);
+    for (auto& cells : cells_)
+      for (Cell& cell : cells) cell.wanted = std::max(kFirstTest, cell.wanted - cell.wanted / 4);
+    next_fade_ = begin + from_seconds(0.2);
   }
   seeds_.clear();
   stride_ = 1 + static_cast<std::int64_t>(static_cast<double>(candidates_) / std::max(1.0, most));
@@ -79,136 +127,174 @@ void LineDetector::begin_batch(Time begin, double most, double c, double min_len
 }
 
 void LineDetector::add(const Event& event) {
-  if (!promising(event)) return;
-  LocalEdges& edges = edges_[event.polarity ? 1 : 0];
-  auto& stamps = stamps_[event.polarity ? 1 : 0];
-  const std::uint32_t now = to_us(event.t);
-  const std::size_t pixel = static_cast<std::size_t>(event.y) * width_ + event.x;
-  const auto pixel_us = static_cast<std::uint32_t>(c_ * 1e6);
-  if (stamps[pixel] != 0 && now - stamps[pixel] < 2 * pixel_us) return;  // later event of the same passage
-  stamps[pixel] = now == 0 ? 1 : now;
-  edges.cluster[pixel] = 0;
-  constexpr int kReach = Patch::kReach;
-  if (event.x < kReach || event.y < kReach || event.x >= width_ - kReach || event.y >= height_ - kReach)
-    return;
-
   if (candidates_++ % stride_ != 0) {
     ++skipped_;
     return;
   }
-  ++block_of(event).tried;
-  Patch& patch = patches_[waiting_];
-  patch = Patch(&stamps[pixel], width_, now, 5 * pixel_us, static_cast<float>(1e-6 / c_));
-  if (patch.count() < kMinPatch) return;
-  __builtin_prefetch(&(*undistort_)(event.x, event.y));
-  events_[waiting_] = event;
-  if (++waiting_ == kPlanesAtOnce) grow_waiting();
+  const int col = event.x / kCell, row = event.y / kCell, polarity = event.polarity ? 1 : 0;
+  Cell& mine = cell(col, row, polarity);
+  const Eigen::Vector2f& px = (*undistort_)(event.x, event.y);
+  mine.points[mine.count % kKept] = {px.x(), px.y(), to_us(event.t)};
+  ++mine.count;
+  if (mine.count - mine.tested < mine.wanted) return;
+  mine.tested = mine.count;
+  if (test(col, row, polarity, event))
+    mine.wanted = kFirstTest;
+  else
+    mine.wanted = std::min(kLastTest, mine.wanted + mine.wanted / 2);
 }
 
-LineDetector::Block& LineDetector::block_of(const Event& event) {
-  return blocks_[static_cast<std::size_t>(event.y / kBlock * block_cols_ + event.x / kBlock)];
-}
-
-// Curves and texture fire for ever, and no line comes of it: where much has been tried of late, only some
-// events are looked at. A new line is found there a little later.
-bool LineDetector::promising(const Event& event) {
-  Block& block = block_of(event);
-  return block.tried < kPatience || ++block.passed % kFewer == 0;
-}
-
-// Where a line is there may be more of it: about there, since its place is undistorted.
-void LineDetector::encourage(const LineSeed& seed) {
-  const Eigen::Vector2d dir(-seed.normal.y(), seed.normal.x());
-  for (double u = -seed.length / 2; u <= seed.length / 2; u += 0.5 * kBlock) {
-    const Eigen::Vector2d at = (seed.centre + u * dir) / kBlock;
-    if (at.minCoeff() < 0 || at.x() >= block_cols_ || at.y() >= block_rows_) continue;
-    blocks_[static_cast<std::size_t>(static_cast<int>(at.y()) * block_cols_ + static_cast<int>(at.x()))]
-        .tried = 0;
-  }
-}
-
-std::span<const LineSeed> LineDetector::end_batch() {
-  grow_waiting();
-  return seeds_;
-}
-
-void LineDetector::grow_waiting() {
-  std::array<PatchPlane, kPlanesAtOnce> planes;
-  fit_planes(std::span(patches_).first(waiting_), planes);
-  for (std::size_t k = 0; k < waiting_; ++k)
-    if (planes[k].planarity >= kMinPlanarity) grow(events_[k], patches_[k], planes[k].normal);
-  waiting_ = 0;
-}
-
-void LineDetector::grow(const Event& event, const Patch& patch, Eigen::Vector3f n) {
-  LocalEdges& edges = edges_[event.polarity ? 1 : 0];
-  const std::size_t pixel = static_cast<std::size_t>(event.y) * width_ + event.x;
-  constexpr int kReach = Patch::kReach;
-  const float across = n.head<2>().norm();
-  if (across < 0.15F || std::abs(n.z()) < 0.02F) return;
-  if (n.z() > 0) n = -n;
-  edges.nx[pixel] = n.x() / across;
-  edges.ny[pixel] = n.y() / across;
-  edges.speed[pixel] = -n.z() / across / static_cast<float>(c_);
-
-  const Eigen::Vector2d px = (*undistort_)(event.x, event.y).cast<double>();
-  Cluster* mine = nullptr;
-  std::uint32_t same = 0;  // names it in most pixels around
-  const std::uint32_t* row = &edges.cluster[pixel] - kAlikeReach * width_ - kReach;
-  for (unsigned bits : edges_alike(patch, edges, pixel, width_, kAlike)) {
-    for (; bits != 0; bits &= bits - 1) {
-      const std::uint32_t other = row[std::countr_zero(bits)];
-      if (other == same) continue;
-      Cluster* theirs = find(other);
-      if (!theirs) continue;
-      same = other;
-      if (theirs == mine) continue;
-      if (!mine)
-        mine = theirs;
-      else if (mine->n >= theirs->n)
-        merge(*mine, *theirs);
-      else {
-        merge(*theirs, *mine);
-        mine = theirs;
-      }
+void LineDetector::gather(int col, int row, int polarity, std::uint32_t now, Columns& out) const {
+  constexpr std::array<std::array<int, 2>, 9> kAround{
+      {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}}};
+  const Cell& mine = cell(col, row, polarity);
+  const std::uint32_t last = mine.count - 1;
+  const std::uint32_t back = std::min<std::uint32_t>(mine.held() - 1, kRecent - 1);
+  const Point& earlier = mine.points[(last - back) % kKept];
+  const float look = std::clamp(kSpans * static_cast<float>(now - earlier.us) * 1e-6F *
+                                    (static_cast<float>(kRecent) / static_cast<float>(back + 1)),
+                                kShortestLook, kLongestLook);
+  const Eigen::Vector2f middle{mine.points[last % kKept].x, mine.points[last % kKept].y};
+  for (std::size_t k = 0; k < kAround.size(); ++k) {
+    out.starts[k] = out.n;
+    const int c = col + kAround[k][0], r = row + kAround[k][1];
+    if (c < 0 || r < 0 || c >= cols_ || r >= rows_) continue;
+    const Cell& other = cell(c, r, polarity);
+    for (std::uint32_t i = 0, n = other.held(); i < n; ++i) {  // the newest first
+      const Point& p = other.points[(other.count - 1 - i) % kKept];
+      const float age = static_cast<float>(static_cast<std::int32_t>(now - p.us)) * 1e-6F;
+      if (age > look || age < 0) break;
+      out.push(p.x - middle.x(), p.y - middle.y(), -age);
     }
-    row += width_;
   }
-  // What has travelled for long without becoming a line is none, or has changed its motion.
-  if (mine && seconds_between(mine->t0, event.t) > 14 * c_) mine = nullptr;
-  if (!mine) mine = &create(px, event.t);
-  edges.cluster[pixel] = mine->serial;
-  Eigen::Vector3d d;
-  d << px - mine->origin, seconds_between(mine->t0, event.t);
-  ++mine->n;
-  mine->s += d;
-  mine->m += d * d.transpose();
-  if (mine->n < kMinCluster || mine->n < mine->tested + 8) return;
-  mine->tested = mine->n;
-  if (test(*mine, event.t)) encourage(seeds_.back());
+  out.starts[9] = out.n;
 }
 
-bool LineDetector::test(Cluster& cluster, Time now) {
-  const Eigen::Vector3d mean = cluster.s / cluster.n;
-  Eigen::Matrix3d cov = cluster.m / cluster.n - mean * mean.transpose();
-  const Eigen::Vector3d scale(1, 1, 1 / c_);
-  cov = scale.asDiagonal() * cov * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(cov);
-  Eigen::Vector3d n = eigen.eigenvectors().col(0);
-  const double across = n.head<2>().norm();
-  if (across < 0.15) return false;
-  if (std::sqrt(std::max(0.0, eigen.eigenvalues()[0])) / across > kMaxThickness) return false;
+bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
+  Columns columns;
+  gather(col, row, polarity, to_us(newest.t), columns);
+  ++counts_.looked_at;
+  if (columns.n < kFewest) {
+    ++counts_.few;
+    return false;
+  }
+  // Starts: the newest events of the cell, all of them, those of it and its neighbours to either side, all.
+  Sheet best;
+  float best_score = 0;
+  const auto try_from = [&](std::span<const std::array<std::size_t, 2>> ranges) {
+    Moments moments;
+    const Sheet everywhere{1, 0, 0, 0};
+    for (const auto& [from, to] : ranges)
+      if (to > from)
+        add_near(&columns.x[from], &columns.y[from], &columns.t[from], to - from, everywhere, 1e6F, moments);
+    Sheet line;
+    if (!solve(moments, line)) return;
+    // From a narrow gate, which widens to the edge's width and no further: a second edge beside stays out.
+    float gate = kFirstGate, before = 0;
+    for (int round = 0; round < kRounds; ++round) {
+      Moments near;
+      add_near(columns.x.data(), columns.y.data(), columns.t.data(), columns.n, line, gate, near);
+      if (near.n < kFewest / 2 || !solve(near, line)) return;
+      gate = gate_of(line.sigma / std::sqrt(kTruncated));
+      if (near.n == before) break;
+      before = near.n;
+    }
+    if (line.n < kFewest) return;
+    line.sigma = std::max(kNarrowest, line.sigma / std::sqrt(kTruncated));
+    // How much better a line explains its events than an even spread over the place does.
+    const float score = line.n * std::log(kPlace / (4.13F * line.sigma));
+    if (score > best_score) best_score = score, best = line;
+  };
+  const auto& s = columns.starts;
+  using Range = std::array<std::size_t, 2>;
+  const std::size_t own = s[1];
+  try_from(std::array<Range, 1>{Range{0, std::min<std::size_t>(own, 24)}});
+  try_from(std::array<Range, 1>{Range{0, own}});
+  try_from(std::array<Range, 1>{Range{0, s[3]}});
+  try_from(std::array<Range, 2>{Range{0, own}, Range{s[3], s[5]}});
+  if (best_score == 0) {
+    ++counts_.few;
+    return false;
+  }
+  if (best.sigma > kWidest) {
+    ++counts_.thick;
+    return false;
+  }
+  // Where along the line are its events, and how many lie beside it?
+  const float gate = gate_of(best.sigma), dx = best.ny, dy = -best.nx;
+  std::array<int, kBins> on{}, left{}, right{};
+  for (std::size_t i = 0; i < columns.n; ++i) {
+    const float u = dx * columns.x[i] + dy * columns.y[i];
+    const float r = best.nx * columns.x[i] + best.ny * columns.y[i] - best.d - best.v * columns.t[i];
+    const float off = std::abs(r);
+    const int at = static_cast<int>(std::floor(u / kBin)) + kBins / 2;
+    if (at < 0 || at >= kBins || off > 2 * gate) continue;
+    ++(off < gate ? on : r < 0 ? left : right)[static_cast<std::size_t>(at)];
+  }
+  // From the fullest piece to both sides.
+  const auto peak = std::max_element(on.begin(), on.end()) - on.begin();
+  std::array<int, kBins> sorted{};
+  std::size_t filled = 0;
+  for (const int n : on)
+    if (n > 0) sorted[filled++] = n;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(filled / 2),
+                   sorted.begin() + static_cast<std::ptrdiff_t>(filled));
+  const float least = kSparse * static_cast<float>(sorted[filled / 2]);
+  const auto full = [&](std::ptrdiff_t k) {
+    return k >= 0 && k < kBins && static_cast<float>(on[static_cast<std::size_t>(k)]) > least;
+  };
+  std::ptrdiff_t from = peak, to = peak;
+  while (full(from - 1) || (full(from - 2))) --from;
+  while (full(to + 1) || (full(to + 2))) ++to;
+  int inside = 0, to_left = 0, to_right = 0;
+  for (std::ptrdiff_t k = from; k <= to; ++k)
+    inside += on[static_cast<std::size_t>(k)], to_left += left[static_cast<std::size_t>(k)],
+        to_right += right[static_cast<std::size_t>(k)];
+  const int outside = 2 * std::min(to_left, to_right);  // another edge may pass on one side
+  const float length = kBin * static_cast<float>(to - from + 1) - 1;
+  if (inside < kFewest) {
+    ++counts_.few;
+    return false;
+  }
+  const auto more = static_cast<float>(inside - outside), sum = static_cast<float>(inside + outside);
+  if (static_cast<float>(outside) > kMostBeside * static_cast<float>(inside) || more < kSignificant * std::sqrt(sum)) {
+    ++counts_.texture;
+    return false;
+  }
+  if (length < static_cast<float>(min_length_) || length < 4 * best.sigma) {
+    ++counts_.shorts;
+    return false;
+  }
+  const Cell& mine = cell(col, row, polarity);
+  const Point middle = mine.points[(mine.count - 1) % kKept];
+  const float u = kBin * (0.5F * static_cast<float>(from + to + 1) - kBins / 2);
   LineSeed seed;
-  seed.normal = n.head<2>() / across;
-  seed.speed = -n.z() / across / c_;
-  const Eigen::Vector2d dir(-seed.normal.y(), seed.normal.x());
-  seed.length = std::sqrt(12 * dir.dot(cov.topLeftCorner<2, 2>() * dir));
-  if (seed.length < min_length_) return false;
-  seed.centre = cluster.origin + mean.head<2>() +
-                seed.normal * seed.speed * (seconds_between(cluster.t0, now) - mean.z());
-  seed.time = now;
+  seed.time = newest.t;
+  seed.normal = Eigen::Vector2d(best.nx, best.ny);
+  seed.centre = Eigen::Vector2d(middle.x, middle.y) + u * Eigen::Vector2d(dx, dy) + best.d * seed.normal;
+  seed.speed = best.v;
+  seed.speed_sigma = best.sigma / std::sqrt(best.n * best.tt);
+  seed.sigma = best.sigma;
+  seed.length = length;
+  seed.polarity = newest.polarity;
   seeds_.push_back(seed);
-  names_[cluster.serial % kPool].serial = 0;  // done: its cells find nothing any more
+  ++counts_.found;
+  // Its events make no second one.
+  for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r)
+    for (int c = std::max(0, col - 1); c <= std::min(cols_ - 1, col + 1); ++c) {
+      Cell& other = cell(c, r, polarity);
+      const std::uint32_t n = other.held(), first = other.count - n;
+      std::uint32_t kept = 0;
+      for (std::uint32_t i = 0; i < n; ++i) {
+        const Point p = other.points[(first + i) % kKept];
+        const float age = static_cast<float>(static_cast<std::int32_t>(to_us(newest.t) - p.us)) * 1e-6F;
+        const float off = best.nx * (p.x - middle.x) + best.ny * (p.y - middle.y) - best.d + best.v * age;
+        if (std::abs(off) < gate) continue;
+        other.points[(first + kept++) % kKept] = p;
+      }
+      other.count = first + kept;
+      other.tested = std::min(other.tested, other.count);
+    }
   return true;
 }
 

@@ -1,4 +1,5 @@
 #include "idol/frontend/line_tracker.hpp"
+#include "idol/frontend/exp.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,14 +10,13 @@ namespace {
 
 constexpr double kStopTime = 0.03;     // in which a line without events comes to rest [s]
 constexpr double kLostMemory = 0.6;    // how long after its last event a line may come back [s]
-constexpr double kEventSigma = 0.55;   // scatter of an edge's events across it [px]
-constexpr double kBatchSigma = 0.2;    // what the events of a batch err together [px]
+constexpr double kBatchShare = 0.4;    // of their scatter: what the events of a batch err together
 constexpr double kEnough = 16;         // events that correct a line, beside those of noise
 constexpr double kLongestWait = 0.02;  // mean age at which fewer do [s]
 constexpr double kNoiseLumps = 4;  // noise is expected in so many times its mean number: it comes in lumps
 constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an event
 constexpr double kNoiseMemory = 0.2;    // [s]
-constexpr std::size_t kAhead = 8;       // events whose memory is fetched before their turn
+constexpr int kSupport = 4;             // events near in space and time that one needs, itself included
 
 // Room for the counts along the line and a little beyond its ends.
 void cover(LineTrack& track) {
@@ -36,10 +36,14 @@ void cover(LineTrack& track) {
 LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undistort)
     : options_(options),
       undistort_(&undistort),
-      claims_(undistort, static_cast<float>(options.gate_px)),
+      claims_(undistort),
       detector_(undistort),
       loneliness_(undistort.pixels()) {
   for (auto& last : last_) last.resize(undistort.pixels());
+  recent_cols_ = undistort.width() / 4 + 2;
+  const auto cells = static_cast<std::size_t>(recent_cols_ * (undistort.height() / 4 + 2));
+  for (auto& recent : recent_) recent.resize(cells);
+  for (auto& turn : turn_) turn.resize(cells);
 }
 
 std::size_t LineTracker::batch_length(std::span<const Event> events, Time origin) const {
@@ -66,6 +70,21 @@ void LineTracker::forget_before(Time t) {
   std::erase_if(known_, [&](const auto& entry) { return entry.second.last_event < t; });
 }
 
+// Events this near are the line's own [px]: by its width, and by how well its place is known.
+double LineTracker::gate(const LineTrack& track) {
+  const double kSigmas = X(kGateSigmas, 2.0); constexpr double kLeast = 1.3, kMost = 4.5;
+  return std::clamp(kSigmas * std::sqrt(track.sigma * track.sigma + std::min(1.0, track.P(0, 0))), kLeast,
+                    kMost);
+}
+
+// 1, -1, or 0 where it is not known. Polarity times direction of motion is a property of an edge.
+float LineTracker::expected_polarity(const LineTrack& track) {
+  if (std::abs(track.x[2]) < std::max(5.0, 2 * std::sqrt(track.P(2, 2))) || track.core < 20 ||
+      std::abs(track.contrast) < 0.6 * (track.core + 1))
+    return 0;
+  return (track.contrast > 0) == (track.x[2] > 0) ? 1.0F : -1.0F;
+}
+
 // As it is predicted, in single precision.
 ClaimingLine LineTracker::claiming(LineTrack& track) {
   ClaimingLine line;
@@ -74,10 +93,10 @@ ClaimingLine LineTracker::claiming(LineTrack& track) {
   line.dx = static_cast<float>(track.dir.x()), line.dy = static_cast<float>(track.dir.y());
   line.lo = static_cast<float>(track.lo), line.hi = static_cast<float>(track.hi);
   line.rate = static_cast<float>(track.x[2]), line.turn = static_cast<float>(track.x[3]);
+  line.gate = static_cast<float>(gate(track));
   cover(track);
   line.along = track.along.data(), line.along_at = static_cast<float>(track.along_at);
-  if (std::abs(line.rate) > 40 && std::abs(track.contrast) > 0.6 * (track.core + 1) && track.core > 20)
-    line.wanted = (track.contrast > 0) == (line.rate > 0) ? 1.0F : -1.0F;
+  line.wanted = expected_polarity(track);
   return line;
 }
 
@@ -102,6 +121,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     Known& known = known_.at(tracks_[k].id);
     known.normal = tracks_[k].normal;
     known.last_event = tracks_[k].last_event;
+    known.sigma = tracks_[k].sigma;
+    known.polarity = lines_[k].wanted;
   }
   for (LineTrack& track : tracks_)
     if (!track.alive && track.confirmed) lost_.push_back(std::move(track));
@@ -125,6 +146,22 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   }
 }
 
+// Have enough events of its polarity come of late about this one? Counts it, too.
+bool LineTracker::support_of(const Event& e, std::uint32_t us, std::uint32_t within) {
+  auto& recent = recent_[e.polarity ? 1 : 0];
+  // The four cells nearest to the event, with a border of one around the image.
+  const int col = (e.x + 2) / 4, row = (e.y + 2) / 4;
+  const auto at = static_cast<std::size_t>(row * recent_cols_ + col);
+  const auto own = static_cast<std::size_t>((e.y / 4 + 1) * recent_cols_ + e.x / 4 + 1);
+  std::uint8_t& turn = turn_[e.polarity ? 1 : 0][own];
+  recent[own][turn++ % 4U] = us == 0 ? 1 : us;
+  int count = 0;
+  for (const std::size_t cell : {at, at + 1, at + static_cast<std::size_t>(recent_cols_),
+                                 at + static_cast<std::size_t>(recent_cols_) + 1})
+    for (const std::uint32_t then : recent[cell]) count += then != 0 && us - then < within ? 1 : 0;
+  return count >= kSupport;
+}
+
 // Events without a line: the supported ones go to the detector.
 void LineTracker::search(std::span<const Event> events, double duration) {
   const int w = undistort_->width();
@@ -133,18 +170,22 @@ void LineTracker::search(std::span<const Event> events, double duration) {
   const double by_chance = kMostByChance / std::max(1e-3, 4 * background_);
   const auto support = static_cast<std::uint32_t>(std::clamp(std::min(4 * c_, by_chance), 0.005, 0.05) * 1e6);
   const int h = undistort_->height();
+  // Of noise alone, so many events come in this time in the area that is asked for support.
+  constexpr double kNoiseShare = 0.4, kArea = 64;
+  const auto within = static_cast<std::uint32_t>(
+      1e6 * std::clamp(kNoiseShare * kSupport / (kArea * std::max(1e-3, background_)), 5e-4, 0.15));
   int alone = 0;
   detector_.begin_batch(
       events.front().t,
-      options_.detect_rate * std::max(1e-3, seconds_between(events.front().t, events.back().t)), c_,
+      options_.detect_rate * std::max(1e-3, seconds_between(events.front().t, events.back().t)),
       options_.min_length_px);
   for (std::size_t k = 0; k < rest.size(); ++k) {
-    detector_.prefetch(events[rest[std::min(k + kAhead, rest.size() - 1)]]);
     const Event& e = events[rest[k]];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
     const std::uint32_t us = now_us(e.t);
     auto& last = last_[e.polarity ? 1 : 0];
     last[pixel] = us;
+    const bool supported = support_of(e, us, within);
     if (e.x == 0 || e.y == 0 || e.x == w - 1 || e.y == h - 1) continue;
     int neighbours = 0;
     for (const int d : {-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1})
@@ -156,7 +197,7 @@ void LineTracker::search(std::span<const Event> events, double duration) {
       if (loneliness_[pixel] < 255) ++loneliness_[pixel];
       continue;
     }
-    if (neighbours < 2) {
+    if (!supported) {
       ++unsupported_;
       continue;
     }
@@ -175,24 +216,28 @@ void LineTracker::search(std::span<const Event> events, double duration) {
 // `noise`: expected in the batch by chance [1/px], to be taken off all counts.
 void LineTracker::correct(LineTrack& track, const ClaimingLine& f, double noise, double duration) {
   if (f.wanted != 0) noise /= 2;  // of one polarity
-  const double gate = options_.gate_px, strip = noise * (track.hi - track.lo) * 2 * gate;
-  track.core += f.core - LineClaims::kCoreGate * strip,
-      track.ring += f.ring - (2 - LineClaims::kCoreGate) * strip;
+  const double gate = LineTracker::gate(track), strip = noise * (track.hi - track.lo) * 2 * gate;
+  const double beside = (1 - 0.5 * LineClaims::kCoreGate) * strip;
+  track.core += f.core - LineClaims::kCoreGate * strip;
+  track.left += f.left - beside, track.right += f.right - beside;
   track.noise += strip;
   const auto end_noise = static_cast<float>(noise * 2 * gate);
   track.at_lo += f.at_lo - end_noise, track.at_hi += f.at_hi - end_noise;
   track.all += f.n - strip, track.unlooked += f.n - strip;
-  if (std::abs(f.rate) > 25) track.contrast += f.rate > 0 ? f.contrast : -f.contrast;
+  if (std::abs(f.rate) > 5) track.contrast += f.rate > 0 ? f.contrast : -f.contrast;
   if (f.last > track.last_event) track.last_event = f.last;
   // An edge without events of its own does not move.
   const double expected = kMinDensity * (track.hi - track.lo) * std::abs(track.x[2]) * duration;
   if (expected > 1 && f.n < 2 + strip) track.x.tail<2>() *= std::exp(-duration / kStopTime);
   if (f.n == 0) return;
+  track.support += f.n - strip;
+  track.by_chance += strip;
   auto& waiting = track.waiting;
   waiting.n += f.n, waiting.u += f.u, waiting.uu += f.uu, waiting.r += f.r, waiting.ur += f.ur,
       waiting.t += f.t;
   waiting.noise += strip;
   track.bow += f.bow, track.bow_n += f.n, track.spread += f.rr - strip * gate * gate / 3;
+  track.fourth += f.rrrr - strip * gate * gate * gate * gate / 5;
   const double stray = kNoiseLumps * waiting.noise;
   if (waiting.n < kEnough + stray && waiting.t > -kLongestWait * waiting.n) return;
   const LineTrack::Waiting sums = std::exchange(waiting, {});
@@ -206,16 +251,17 @@ void LineTracker::correct(LineTrack& track, const ClaimingLine& f, double noise,
   };
   // A share of noise, evenly over the gate, draws the mean towards the prediction and scatters it.
   const double noisy = std::min(0.95, stray / n), own = 1 - noisy;
-  const double scatter = (own * kEventSigma * kEventSigma + noisy * gate * gate / 3) / (own * own);
+  const double scatter = (own * track.sigma * track.sigma + noisy * gate * gate / 3) / (own * own);
+  const double together = kBatchShare * track.sigma;
   // Residuals are against the predicted rates: these come back as what the measurement says of the whole
   // state.
   const double rate = track.x[2], turn = track.x[3];
-  update({1, u, t, u * t}, r + (rate + turn * u) * t, kBatchSigma * kBatchSigma + scatter / n);
+  update({1, u, t, u * t}, r + (rate + turn * u) * t, together * together + scatter / n);
   const double uu = sums.uu - n * u * u;
   const double length = track.hi - track.lo;
   if (n >= 4 && uu > 0.02 * n * length * length) {
     const double tilt = (sums.ur - n * u * r) / uu;
-    update({0, 1, 0, t}, tilt + turn * t, scatter / uu + 12 * kBatchSigma * kBatchSigma / (length * length));
+    update({0, 1, 0, t}, tilt + turn * t, scatter / uu + 12 * together * together / (length * length));
   }
 }
 

@@ -4,11 +4,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "idol/base/camera.hpp"
@@ -23,7 +25,7 @@ struct TrackOptions {
   double batch_s = 0.004;
   int batch_events = 4000;
   double gate_px = 1.5;
-  double min_length_px = 10;
+  double min_length_px = 8;
   double max_bow_px = 0.8;
   double max_quiet_s = 0.3;
   int max_lines = 200;
@@ -55,11 +57,13 @@ struct LineTrack {
   Eigen::Matrix4d P = Eigen::Matrix4d::Identity();
   Time time = 0;  ///< of the state
   Time born = 0, last_event = 0;
+  double sigma = 0.6;        ///< scatter of its events across it [px]
   bool confirmed = false;
   bool alive = true;
   double travel = 0;        ///< motion since birth [px]
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
-  double core = 0, ring = 0, contrast = 0, bow = 0, bow_n = 0, spread = 0,
+  double support = 0, by_chance = 0;  ///< events claimed since birth, and those of noise among them
+  double core = 0, left = 0, right = 0, contrast = 0, bow = 0, bow_n = 0, spread = 0, fourth = 0,
          noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate
   /// Of near events that have not corrected the state yet: number, sums along the line, across it, and of
   /// times from the state's on; and how many of them noise gives.
@@ -74,6 +78,10 @@ struct LineTrack {
   std::vector<float> along;
   double along_at = 0;
 };
+
+/// Why a track ended.
+enum class EndReason { kQuiet, kFast, kShort, kSparse, kBeside, kBent, kWide, kTwo, kNoise, kUneven };
+constexpr std::size_t kEndReasons = 10;
 
 class LineTracker {
  public:
@@ -93,29 +101,51 @@ class LineTracker {
   /// Forgets dead tracks without events from `t` on; their ids must not be asked for any more.
   void forget_before(Time t);
 
+  /// Whether it may still be asked for.
+  [[nodiscard]] bool knows(LineId id) const { return known_.contains(id); }
   /// True if the track was ever confirmed.
   [[nodiscard]] bool confirmed(LineId id) const { return known_.at(id).confirmed; }
   /// Id that a track was merged into, or its own.
   [[nodiscard]] LineId final_id(LineId id) const;
   /// Normal of a track, dead or alive, as last seen.
   [[nodiscard]] const Eigen::Vector2d& normal(LineId id) const { return known_.at(id).normal; }
+  /// A track as it is followed, if it is alive.
+  [[nodiscard]] const LineTrack* find(LineId id) const {
+    const auto it = std::find_if(tracks_.begin(), tracks_.end(), [&](const LineTrack& t) { return t.id == id; });
+    return it == tracks_.end() ? nullptr : &*it;
+  }
+  /// Tracks that have been validated since the last call: their id until then, and from then on.
+  [[nodiscard]] std::vector<std::pair<LineId, LineId>> take_validated() { return std::exchange(newly_validated_, {}); }
   /// Events so far: of hot pixels, without a line and without support, left out of the search for new lines.
   [[nodiscard]] std::int64_t hot() const { return hot_; }
   [[nodiscard]] std::int64_t unsupported() const { return unsupported_; }
   [[nodiscard]] std::int64_t thinned() const { return detector_.skipped(); }
+  [[nodiscard]] const DetectorCounts& detector() const { return detector_.counts(); }
+  [[nodiscard]] const std::array<std::int64_t, kEndReasons>& ends() const { return ends_; }
+  [[nodiscard]] std::int64_t born() const { return born_; }
+  [[nodiscard]] std::int64_t validated() const { return validated_; }
+  [[nodiscard]] Time born(LineId id) const { return known_.at(id).born; }
+  /// Polarity that its events have by its motion at the time: 1, -1, or 0 where that is not known.
+  [[nodiscard]] float polarity(LineId id) const { return known_.at(id).polarity; }
+  [[nodiscard]] double sigma_px(LineId id) const { return known_.at(id).sigma; }
   [[nodiscard]] double c_s_per_px() const { return c_; }
   [[nodiscard]] const TrackOptions& options() const { return options_; }
 
  private:
+  [[nodiscard]] static double gate(const LineTrack& track);
   void predict(LineTrack& track, Time t) const;
   void advance(LineTrack& track, Time t) const;
   [[nodiscard]] static ClaimingLine claiming(LineTrack& track);
   void correct(LineTrack& track, const ClaimingLine& sums, double noise, double duration);
   void judge(LineTrack& track, Time now);
+  void end(LineTrack& track, EndReason reason);
+  [[nodiscard]] static float expected_polarity(const LineTrack& track);
   void part(LineTrack& track, Time now);
   void confirm(LineTrack& track, Time now);
+  static double evenness(const LineTrack& track);
   static double move_end(EndCounts& counts, float density);
   void search(std::span<const Event> events, double duration);
+  bool support_of(const Event& event, std::uint32_t us, std::uint32_t within);
   void seed(const LineSeed& seed);
   void carry_lost(Time now);
   void merge_lines(Time now);
@@ -125,7 +155,7 @@ class LineTracker {
   [[nodiscard]] Eigen::Vector2d flow(const Eigen::Vector2d& px) const;
 
   static constexpr double kFastestScale = 0.001;  // [s/px]
-  static constexpr double kMinDensity = 0.12;     // events per px of line and px of motion
+  static constexpr double kMinDensity = 0.05;     // events per px of line and px of motion
 
   TrackOptions options_;
   const UndistortMap* undistort_;
@@ -142,18 +172,28 @@ class LineTracker {
     bool confirmed = false;
     Eigen::Vector2d normal = Eigen::Vector2d::UnitY();
     Time last_event = 0;
+    double sigma = 0.6;
+    Time born = 0;
+    float polarity = 0;
   };
   std::unordered_map<LineId, Known> known_;
   LineId next_id_ = 0;
   std::optional<Vec3> omega_;  // [rad/s]
   double c_ = 0.01;
+  double usual_speed_ = 100;  // of lines that move [px/s]
   // Affine image flow: of (1, x, y) from the image's middle in units of half its width [px/s].
   Eigen::Matrix<double, 2, 3> flow_ = Eigen::Matrix<double, 2, 3>::Zero();
   Time next_merge_ = 0;
   std::vector<std::uint8_t> loneliness_;  // events without a neighbour's support, fading: many of a hot pixel
   std::vector<std::uint32_t> last_[2];    // event of a pixel and polarity [us]
+  std::vector<std::array<std::uint32_t, 4>> recent_[2];  // of a cell of 4 x 4 pixels and polarity [us]
+  std::vector<std::uint8_t> turn_[2];                    // where its next goes
+  int recent_cols_ = 0;
   Time next_fade_ = 0, last_batch_ = 0;
+  std::vector<std::pair<LineId, LineId>> newly_validated_;
   std::int64_t hot_ = 0, unsupported_ = 0;
+  std::array<std::int64_t, kEndReasons> ends_{};
+  std::int64_t born_ = 0, validated_ = 0;
   double background_ = 0;  // events of noise [1/(px s)]
 };
 

@@ -6,23 +6,32 @@
 #include <optional>
 
 #include "idol/frontend/line_tracker.hpp"
+#include "idol/frontend/exp.hpp"
 
 namespace idol {
 namespace {
 
 constexpr double kEndFade = 0.6;        // of the counts about the ends at each look
-constexpr float kEndDensity = 0.5F;     // of the line's density: where it falls below, the line ends
+const float kEndDensity = static_cast<float>(X(kEndDensity, 0.35));     // of the line's density: where it falls below, the line ends
 constexpr double kNoisy = 0.03;         // share of noise among a line's events that makes one look uncertain
 constexpr double kLostNear = 8;         // of its place then, at most [px]: lines get lost at sudden turns
 constexpr double kLostParallel = 0.96;  // cosine
 constexpr float kGapFade = 0.85F;       // of the counts along a line at each look
 constexpr float kGapEvents = 16;        // expected in two pixels, at least, before none there means a gap
-constexpr float kGapDensity = 0.12F;    // of the line's, at most, in two pixels of a gap
+const float kGapDensity = static_cast<float>(X(kGapDensity, 0.06));    // of the line's, at most, in two pixels of a gap
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
-constexpr double kConfirmTravel = 3;  // motion before a track gets known [px]
+const double kConfirmTravel = (X(kConfirmTravel, 1.5));  // motion before a track gets known [px]
+const double kConfirmEvents = (X(kConfirmEvents, 50));   // and events
 constexpr double kFade = 0.6;         // of the statistics at each look
-constexpr double kMinCore = 0.6;      // share of near events among near and ring, else texture
-constexpr double kSure = 2;           // standard deviations of the noise
+const double kMinCore = (X(kMinCore, 0.7));      // share of near events among near and ring, else texture
+const double kSure = (X(kSure, 2));           // standard deviations of the noise
+constexpr double kFastest = 8000;     // [px/s]
+const double kUniform = (X(kUniform, 0.284));    // mean square distance over that of the gate, at most: evenly spread events have 1/3
+const double kOverNoise = (X(kOverNoise, 1));    // events of a line over those of noise on it, at least
+const double kSlender = (X(kSlender, 12));        // length over scatter of a line, at least
+const double kFlat = (X(kFlat, 1.9));         // kurtosis: a normal distribution cut off has 2.5, an even one 1.8, two edges less
+const double kCutVariance = X(kTrunc, 0.774);  // variance of a normal distribution cut off at 2.5 sigma, over its own
+constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
 
 // How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
 struct Extent {
@@ -71,6 +80,23 @@ std::optional<std::pair<double, double>> find_gap(const LineTrack& track) {
 
 }  // namespace
 
+// Share of the pairs of pixels along the line that have their share of its events; 1 where there are too few to
+// tell. Edges fire all along; a track that lies across several has its events where it meets them.
+double LineTracker::evenness(const LineTrack& track) {
+  constexpr float kEnough = 4, kShare = 0.35F;  // events in a pair; of the mean
+  const auto at = [&](double u) { return static_cast<std::ptrdiff_t>(u - track.along_at); };
+  const std::ptrdiff_t first = std::max<std::ptrdiff_t>(0, at(track.lo) + 1),
+                       last = std::min(std::ssize(track.along), at(track.hi));
+  const std::ptrdiff_t pairs = (last - first) / 2;
+  if (pairs < 3) return 1;
+  const auto begin = track.along.begin() + first;
+  const float mean = std::accumulate(begin, begin + 2 * pairs, 0.0F) / static_cast<float>(pairs);
+  if (mean < kEnough) return 1;
+  std::ptrdiff_t full = 0;
+  for (std::ptrdiff_t k = 0; k < pairs; ++k) full += begin[2 * k] + begin[2 * k + 1] > kShare * mean ? 1 : 0;
+  return static_cast<double>(full) / static_cast<double>(pairs);
+}
+
 // How far an end goes out, to where two pixels together have too few events; the counts move with it [px].
 double LineTracker::move_end(EndCounts& counts, float density) {
   const int size = static_cast<int>(counts.size());
@@ -88,9 +114,13 @@ double LineTracker::move_end(EndCounts& counts, float density) {
 }
 // After each few pixels of motion: is it still a line, and where does it end?
 void LineTracker::judge(LineTrack& track, Time now) {
-  const double length = track.hi - track.lo;
-  if (seconds_between(track.last_event, now) > options_.max_quiet_s) track.alive = false;
-  if (std::abs(track.x[2]) > 1.0 / (0.3 * kFastestScale) || std::abs(track.x[3]) > 60) track.alive = false;
+  const double length = track.hi - track.lo, speed = std::abs(track.x[2]);
+  // A line that hardly moves makes hardly any events.
+  constexpr double kQuietMotion = 3, kLongestQuiet = 2;  // [px], [s]
+  const double quiet = std::clamp(kQuietMotion / std::max(1e-3, speed), options_.max_quiet_s,
+                                  std::max(options_.max_quiet_s, kLongestQuiet));
+  if (seconds_between(track.last_event, now) > quiet) end(track, EndReason::kQuiet);
+  if (speed > kFastest || std::abs(track.x[3]) > 60) end(track, EndReason::kFast);
   // Ends: by events, so that slow motion has time.
   if (track.unlooked > std::max(16.0, 0.8 * length)) {
     const auto density = static_cast<float>(track.all / length);
@@ -101,33 +131,55 @@ void LineTracker::judge(LineTrack& track, Time now) {
     track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
     track.unlooked = 0;
     part(track, now);
-    if (track.hi - track.lo < 0.7 * options_.min_length_px) track.alive = false;
+    if (evenness(track) < X(kEven, 0.75)) end(track, EndReason::kUneven);
+    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma)) end(track, EndReason::kShort);
   }
   if (track.fresh_travel < 1.5) return;
-  const double near = track.core + track.ring;
-  if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3) track.alive = false;
-  const double excess = track.ring - (1 / kMinCore - 1) * track.core;
+  // Another edge may pass on one side; texture is on both.
+  const double ring = 2 * std::min(track.left, track.right), near = track.core + ring;
+  if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3)
+    end(track, EndReason::kSparse);
+  // `noise` is of the gate; what is left of the core must stand out of its own share of it.
+  const double by_chance = LineClaims::kCoreGate * track.noise;
+  if (by_chance > 4 && track.core < kOverNoise * by_chance) end(track, EndReason::kNoise);
+  const double excess = ring - (1 / kMinCore - 1) * track.core;
   double variance = (2 - LineClaims::kCoreGate) * track.noise;
-  if (track.noise > kNoisy * near) variance += std::max(0.0, track.ring) + std::max(0.0, track.core) / 2;
-  if (near > 30 && excess > kSure * std::sqrt(variance)) track.alive = false;
-  const double bow = track.bow_n > 30 ? 7.5 * std::abs(track.bow) / track.bow_n : 0;
-  if (track.bow_n > 60 + track.noise && bow > options_.max_bow_px) track.alive = false;
-  if (track.bow_n > 30 && track.spread > 0.64 * track.bow_n * options_.gate_px * options_.gate_px / 2.25)
-    track.alive = false;
-  if (track.alive && !track.confirmed && track.travel > kConfirmTravel && near > 40 &&
-      length >= options_.min_length_px && bow < options_.max_bow_px) {
+  if (track.noise > kNoisy * near) variance += std::max(0.0, ring) + std::max(0.0, track.core) / 2;
+  if (near > 30 && excess > kSure * std::sqrt(variance)) end(track, EndReason::kBeside);
+  // Sampling noise alone makes a bend of 3.35 sigma / sqrt(n).
+  const double n = track.bow_n - track.noise;
+  const double bow = n > 30 ? 7.5 * std::abs(track.bow) / n : 0;
+  const double straight = std::min(options_.max_bow_px, X(kBowShare, 0.04) * length) + 2 * 3.35 * track.sigma / std::sqrt(std::max(30.0, n));
+  if (n > 60 && bow > straight) end(track, EndReason::kBent);
+  if (n > 30) {
+    const double width = gate(track), square = track.spread / n;
+    if (square > kUniform * width * width) end(track, EndReason::kWide);
+    if (n > 60 && track.fourth / n < kFlat * square * square) end(track, EndReason::kTwo);
+    const double sigma = std::sqrt(std::max(0.0, square) / kCutVariance);
+    track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, kMostSigma);
+  }
+  if (track.alive && !track.confirmed && track.travel > kConfirmTravel && track.support > kConfirmEvents + 5 * std::sqrt(track.by_chance) + track.by_chance &&
+      length >= options_.min_length_px && length > kSlender * track.sigma && bow < straight) {
     confirm(track, now);
   }
   for (double* sum :
-       {&track.core, &track.ring, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.noise})
+       {&track.core, &track.left, &track.right, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.fourth, &track.noise})
     *sum *= kFade;
   track.fresh_travel *= kFade;
+}
+void LineTracker::end(LineTrack& track, EndReason reason) {
+  if (!track.alive) return;
+  track.alive = false;
+  ++ends_[static_cast<std::size_t>(reason)];
 }
 // A track gets known; where one ended of late, which would now lie here, it is that one.
 void LineTracker::confirm(LineTrack& track, Time now) {
   track.confirmed = true;
+  ++validated_;
   known_.at(track.id).confirmed = true;
   const double length = track.hi - track.lo;
+  const LineId was = track.id;
+  newly_validated_.emplace_back(was, was);
   auto found = lost_.end();
   double nearest = kLostNear;
   for (auto it = lost_.begin(); it != lost_.end(); ++it) {
@@ -145,6 +197,7 @@ void LineTracker::confirm(LineTrack& track, Time now) {
   known_.at(track.id).merged_into = found->id;
   track.id = found->id;
   track.born = found->born;
+  newly_validated_.back().second = track.id;
   lost_.erase(found);
 }
 // At a gap inside, the longer piece goes on as this track, the other as a new one.
@@ -163,8 +216,8 @@ void LineTracker::part(LineTrack& track, Time now) {
     const double part = std::max(0.0, piece.hi - piece.lo) / length;
     cut.setZero();
     cut.head<kEndInside>() = static_cast<float>(piece.all / length);
-    for (double* sum : {&piece.core, &piece.ring, &piece.contrast, &piece.bow, &piece.bow_n, &piece.spread,
-                        &piece.noise, &piece.all})
+    for (double* sum : {&piece.core, &piece.left, &piece.right, &piece.contrast, &piece.bow, &piece.bow_n, &piece.spread,
+                        &piece.fourth, &piece.noise, &piece.all})
       *sum *= part;
   };
   share(low, low.at_hi), share(high, high.at_lo);
@@ -188,7 +241,8 @@ void LineTracker::seed(const LineSeed& seed) {
   track.lo = -seed.length / 2, track.hi = seed.length / 2;
   track.x << 0, 0, seed.speed, 0;
   const double slope = 1.0 / seed.length, rate = 0.2 * std::abs(seed.speed) + 20;
-  track.P = Eigen::Vector4d(0.25, slope * slope, rate * rate, 4).asDiagonal();
+  track.P = Eigen::Vector4d(0.25, slope * slope, rate * rate + seed.speed_sigma * seed.speed_sigma, 4).asDiagonal();
+  track.sigma = std::clamp(seed.sigma, kLeastSigma, kMostSigma);
   track.time = track.born = track.last_event = now;
   // A line that is already followed here must not be followed twice.
   for (LineTrack& other : tracks_) {
@@ -203,12 +257,14 @@ void LineTracker::seed(const LineSeed& seed) {
                                        (other.x[2] + other.x[3] * along) * dt));
       least = std::min(least, along), most = std::max(most, along);
     }
-    if (worst > 1.5 || least > other.hi - kOverlap || most < other.lo + kOverlap) continue;
+    if (expected_polarity(other) * (seed.polarity ? 1 : -1) < 0) continue;  // the other edge of a thin bar
+    if (worst > std::max(1.5, 1.3 * gate(other)) || least > other.hi - kOverlap || most < other.lo + kOverlap) continue;
     other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
     return;
   }
   track.id = next_id_++;
-  known_[track.id] = {kNoLine, false, track.normal, now};
+  ++born_;
+  known_[track.id] = {kNoLine, false, track.normal, now, track.sigma, now};
   tracks_.push_back(track);
 }
 // Lines without events move as the others around them do.
@@ -235,7 +291,7 @@ void LineTracker::merge_lines(Time now) {
       const auto [worst, least, most] = extent_on(a, b);
       // By the direction of the longer one, which is known better.
       const double apart = b.hi - b.lo > a.hi - a.lo ? extent_on(b, a).worst : worst;
-      if (apart > 1.2 || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
+      if (apart > std::max(1.2, 0.8 * std::min(a.sigma, b.sigma) + 0.8) || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
       const double at = a.dir.dot(b.centre - a.centre);
       if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
       if (opposite(a, b)) continue;  // the two edges of a thin bar

@@ -9,9 +9,11 @@
 namespace idol {
 namespace {
 
-constexpr double kSlowestScale = 0.025;  // [s/px]
+constexpr double kSlowestScale = 0.1;  // [s/px]
 constexpr double kFlowSigma = 0.2;       // of a line's motion about the flow, over the usual speed
-constexpr double kAcceleration = 1e6;    // spectral density of the image acceleration [px^2/s^3]
+// Spectral density of the image acceleration over the square of the usual speed [1/s], and the least speed
+// [px/s]: motion may begin at any time.
+constexpr double kAcceleration = 10, kLeastUsual = 60;
 
 // E P E^T, where E adds `factor` of one coordinate to another.
 void shear(Eigen::Matrix4d& P, int to, int from, double factor) {
@@ -47,8 +49,9 @@ void LineTracker::predict(LineTrack& track, Time t) const {
     shear(track.P, 0, 2, dt);
     shear(track.P, 1, 3, dt);
     const double half = std::max(10.0, 0.5 * (track.hi - track.lo));
+    const double density = kAcceleration * usual_speed_ * usual_speed_;
     for (int k = 0; k < 2; ++k) {
-      const double q = k == 0 ? kAcceleration : kAcceleration / (half * half);
+      const double q = k == 0 ? density : density / (half * half);
       track.P(k, k) += q * dt * dt * dt / 3;
       track.P(k, k + 2) += q * dt * dt / 2;
       track.P(k + 2, k) += q * dt * dt / 2;
@@ -90,10 +93,21 @@ void LineTracker::advance(LineTrack& track, Time t) const {
 void LineTracker::adapt_scale() {
   std::vector<double> speeds;
   for (const auto& t : tracks_)
-    if (t.confirmed) speeds.push_back(std::abs(t.x[2]));
-  if (speeds.size() < 3) return;
-  const double wanted =
-      std::clamp(1.0 / std::max(1.0, median(std::move(speeds))), kFastestScale, kSlowestScale);
+    if (t.confirmed || t.travel > 1) speeds.push_back(std::abs(t.x[2]));
+  double turn = 0;
+  if (omega_) {
+    const Eigen::Vector2d centre(0.5 * undistort_->width(), 0.5 * undistort_->height());
+    turn = undistort_->rotational_flow(centre, *omega_).norm();
+  }
+  if (speeds.empty()) {
+    usual_speed_ = std::max({kLeastUsual, turn, 0.98 * usual_speed_});
+    return;
+  }
+  const double middle = std::max(1.0, median(speeds));
+  double squares = 0;
+  for (const double v : speeds) squares += v * v / static_cast<double>(speeds.size());
+  usual_speed_ = std::max({kLeastUsual, turn, std::sqrt(squares)});
+  const double wanted = std::clamp(1.0 / middle, kFastestScale, kSlowestScale);
   c_ = std::exp(0.9 * std::log(c_) + 0.1 * std::log(wanted));
 }
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "idol/base/camera.hpp"
@@ -38,7 +39,8 @@ struct SegmentOptions {
   double gate_px = 2.0;
   double max_rms_px = 1;
   double max_bow_px = 0.8;
-  double max_wave_px = 0.155;
+  double max_wave_px = 0.1;
+  double wave_share = 0.12;
   double min_inliers = 0.7;
   double memory_s = 0.15;
 
@@ -74,6 +76,7 @@ struct SegmentOptions {
         "max_wave_px", self.max_wave_px, Range{0.01, 100},
         "a segment whose events waver more about its line is doubtful: the estimator uses it, but its events "
         "get no label (track) [px]");
+    visit("wave_share", self.wave_share, Range{0, 10}, "by so much of its events' scatter across it more (track)");
     visit("min_inliers", self.min_inliers, Range{0, 1},
           "share of a cluster's events that must lie on the line");
     visit("memory_s", self.memory_s, Range{0, 10},
@@ -88,6 +91,8 @@ struct Segment {
   std::vector<std::uint32_t> events;  ///< indices into the window's events, in time order
   MovingLine line;                    ///< its fitted line, time in s since the window's begin
   bool clear = true;                  ///< false: likely texture that is nearly straight
+  double sigma_px = 0.6;              ///< scatter of its events across it
+  double waviness_px = 0;
 };
 
 struct SegmentedWindow {
@@ -97,6 +102,9 @@ struct SegmentedWindow {
   /// Of lines that have hardly moved yet: they may turn out to be none. If they are, their next segment is
   /// among `segments`.
   std::vector<Segment> tentative;
+  /// Tracks that have turned out to be lines in this window: the id they had among the tentative ones, and
+  /// the one they have from now on.
+  std::vector<std::pair<LineId, LineId>> validated;
   double c_s_per_px = 0;  ///< temporal scale used
   double speed_px_s = 0;  ///< median image speed along the normals
 };

@@ -4,10 +4,13 @@
 #include <limits>
 
 #include "idol/frontend/waviness.hpp"
+#include "idol/frontend/exp.hpp"
 
 namespace idol {
 namespace {
 
+constexpr std::ptrdiff_t kFewEvents = 6;  // of a line that is followed, in a window
+constexpr double kWaveMemory = 0.7;  // of a segment's waviness from window to window
 constexpr std::size_t kFitEvents = 120;  // of a segment, spread evenly: more do not sharpen a fit
 
 // Of the last rate at or before the time.
@@ -59,18 +62,32 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
   std::erase_if(out.segments, [&](Segment& s) {
     const bool confirmed = tracker_.confirmed(s.id);
     std::optional<MovingLine> line;
-    if (std::ssize(s.events) >= options_.min_events) line = fit_track(window, s.events, s.id);
+    if (std::ssize(s.events) >= options_.min_events)
+      line = fit_track(window, s.events, s.id);
+    else if (std::ssize(s.events) >= kFewEvents)
+      line = track_line(window, s.id);
     if (line) {
       s.line = *line;
-      s.clear = confirmed && waviness(window, s.events, s.line, *undistort_) <= options_.max_wave_px;
+      s.sigma_px = tracker_.sigma_px(s.id);
+      const Waviness now = waviness(window, s.events, s.line, 2 * s.sigma_px, *undistort_);
+      Waviness& all = waviness_[s.id];
+      all.squares = kWaveMemory * all.squares + now.squares;
+      all.events = kWaveMemory * all.events + now.events;
+      s.waviness_px = all.rms_px();
+      s.clear = confirmed && s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
     }
+    ++gates_[!line && std::ssize(s.events) < options_.min_events ? 0 : !line ? 1 : !confirmed ? 3 : !s.clear ? 2 : 4];
     if (!line || !s.clear)
       for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
     if (line && !confirmed) out.tentative.push_back(std::move(s));
     return !line || !confirmed;
   });
+  for (auto* segments : {&out.segments, &out.tentative})
+    for (Segment& s : *segments) label_back(window, s, out.ids);
+  for (auto [was, is] : tracker_.take_validated()) out.validated.emplace_back(was, tracker_.final_id(is));
   counts_.add(window, out.ids);
   tracker_.forget_before(window.begin);
+  std::erase_if(waviness_, [&](const auto& entry) { return !tracker_.knows(entry.first); });
   return out;
 }
 
@@ -122,6 +139,52 @@ void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
   }
 }
 
+// Events from before the track's birth that lie where its line has come from: the ones that it was found by.
+void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids) const {
+  constexpr double kBack = 5, kLongest = 0.1;  // [px], [s]
+  const Time born = tracker_.born(segment.id);
+  if (born <= window.begin) return;
+  const double speed = std::hypot(segment.line.c[2], 1.0);
+  const Time from = std::max(window.begin, born - from_seconds(std::min(kLongest, kBack / speed)));
+  const auto at = [&](Time t) {
+    return static_cast<std::uint32_t>(
+        std::lower_bound(window.events.begin(), window.events.end(), t,
+                         [](const Event& e, Time time) { return e.t < time; }) -
+        window.events.begin());
+  };
+  const double gate = std::max(1.3, 2.5 * segment.sigma_px);
+  const MovingLine line = segment.line.extrapolable();
+  const float polarity = tracker_.polarity(segment.id);
+  std::vector<std::uint32_t> earlier;
+  for (std::uint32_t i = at(from), end = at(born); i < end; ++i) {
+    const Event& e = window.events[i];
+    if (ids[i] != kNoLine || (polarity != 0 && (polarity > 0) != e.polarity)) continue;
+    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+    const TimedPixel event(px.x(), px.y(), seconds_between(window.begin, e.t));
+    const double u = line.along(event);
+    if (u < line.u_min - 1 || u > line.u_max + 1 || std::abs(line.distance(event)) > gate) continue;
+    earlier.push_back(i);
+    if (segment.clear) ids[i] = segment.id;
+  }
+  const auto middle = static_cast<std::ptrdiff_t>(earlier.size());
+  segment.events.insert(segment.events.begin(), earlier.begin(), earlier.end());
+  std::inplace_merge(segment.events.begin(), segment.events.begin() + middle, segment.events.end());
+}
+
+// As it is followed: better than a fit to few events.
+std::optional<MovingLine> TrackSegmenter::track_line(const EventWindow& window, LineId id) const {
+  const LineTrack* track = tracker_.find(id);
+  if (!track || track->hi - track->lo < options_.track.min_length_px) return std::nullopt;
+  MovingLine line;
+  line.origin = track->centre;
+  line.direction = track->dir;
+  line.time = seconds_between(window.begin, track->time);
+  line.c.head<4>() = track->x;
+  line.u_min = track->lo, line.u_max = track->hi;
+  line.rms_px = track->sigma;
+  return line;
+}
+
 std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id) {
   points_.clear();
@@ -131,11 +194,22 @@ std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
     const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
     points_.emplace_back(px.x(), px.y(), seconds_between(window.begin, e.t));
   }
-  auto line = fit_moving_line(points_, tracker_.normal(id), options_.gate_px);
-  if (!line || line->length_px() < options_.track.min_length_px || line->rms_px > options_.max_rms_px ||
-      line->bow_px > options_.max_bow_px)
+  const double sigma = tracker_.sigma_px(id);
+  auto line = fit_moving_line(points_, tracker_.normal(id), std::max(options_.gate_px, 2.5 * sigma));
+  const double straight = std::min(options_.max_bow_px, X(kBowShare, 0.04) * (line ? line->length_px() : 0)) + 6.7 * sigma / std::sqrt(static_cast<double>(n));
+  if (!line || line->length_px() < options_.track.min_length_px ||
+      line->rms_px > std::max(options_.max_rms_px, 1.4 * sigma) || line->bow_px > straight)
     return std::nullopt;
   return line;
 }
 
 }  // namespace idol
+
+namespace idol {
+void TrackSegmenter::print_counts(FILE* f) const {
+  const auto& d = tracker_.detector();
+  std::fprintf(f, "detector: looked %ld few %ld thick %ld texture %ld short %ld found %ld | born %ld validated %ld | ends quiet %ld fast %ld short %ld sparse %ld beside %ld bent %ld wide %ld two %ld noise %ld uneven %ld | segs few %ld nofit %ld wavy %ld tentative %ld good %ld | unsup %ld hot %ld thin %ld\n",
+    d.looked_at, d.few, d.thick, d.texture, d.shorts, d.found, tracker_.born(), tracker_.validated(), tracker_.ends()[0], tracker_.ends()[1], tracker_.ends()[2], tracker_.ends()[3], tracker_.ends()[4], tracker_.ends()[5], tracker_.ends()[6], tracker_.ends()[7], tracker_.ends()[8], tracker_.ends()[9],
+    gates_[0], gates_[1], gates_[2], gates_[3], gates_[4], tracker_.unsupported(), tracker_.hot(), tracker_.thinned());
+}
+}

@@ -1,11 +1,14 @@
 // Segments from lines that are followed event by event.
 #pragma once
 
+#include <cstdio>
 #include <optional>
+#include <unordered_map>
 #include <vector>
 
 #include "idol/frontend/line_tracker.hpp"
 #include "idol/frontend/segments.hpp"
+#include "idol/frontend/waviness.hpp"
 
 namespace idol {
 
@@ -18,9 +21,13 @@ class TrackSegmenter : public Segmenter {
   void prepare(const EventWindow& window, std::span<const CameraRate> rates) override;
   [[nodiscard]] SegmenterCounts counts() const override;
 
+ void print_counts(FILE* f) const;
+  const LineTracker& tracker() const { return tracker_; }
  private:
   void label(const EventWindow& window, std::span<const CameraRate> rates, bool open);
   void sort_by_track(SegmentedWindow& out) const;
+  void label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids) const;
+  [[nodiscard]] std::optional<MovingLine> track_line(const EventWindow& window, LineId id) const;
   [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id);
 
@@ -31,8 +38,10 @@ class TrackSegmenter : public Segmenter {
   std::vector<LineId> ids_;           // of the window at hand
   std::optional<Time> at_hand_;       // its begin, once its first events are labelled
   std::size_t labelled_ = 0;          // how many are
+  std::unordered_map<LineId, Waviness> waviness_;
   std::vector<TimedPixel> points_;    // scratch
   SegmenterCounts counts_;
+  std::array<std::int64_t, 8> gates_{};
 };
 
 }  // namespace idol

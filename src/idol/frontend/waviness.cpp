@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t kMost = 360;  // events looked at, spread evenly
 constexpr int kPieces = 6, kSlices = 4;
-constexpr float kNear = 1;  // of the line, else noise [px]
 constexpr float kFew = 3;   // events that have no mean yet
 
 // Of each event: place and time from the line's origin and middle time [px, s]; then its distance from the
@@ -64,9 +63,9 @@ IDOL_WIDE void place(const MovingLine& line, float duration, std::size_t n, Piec
 
 }  // namespace
 
-double waviness(const EventWindow& window, std::span<const std::uint32_t> events, const MovingLine& line,
-                const UndistortMap& undistort) {
-  if (events.empty()) return 0;
+Waviness waviness(const EventWindow& window, std::span<const std::uint32_t> events, const MovingLine& line,
+                  double near, const UndistortMap& undistort) {
+  if (events.empty()) return {};
   const std::size_t n = std::min(events.size(), kMost);
   PieceColumns columns;
   gather(window, events, line, undistort, n, columns);
@@ -75,19 +74,24 @@ double waviness(const EventWindow& window, std::span<const std::uint32_t> events
     float offsets = 0, count = 0;
   };
   std::array<Cell, static_cast<std::size_t>(kPieces * kSlices)> cells{};
+  float all = 0, used = 0;
   for (std::size_t k = 0; k < n; ++k) {
-    if (std::abs(columns.offset[k]) > kNear) continue;
+    if (std::abs(columns.offset[k]) > static_cast<float>(near)) continue;
     Cell& cell = cells[static_cast<std::size_t>(columns.cell[k])];
     cell.offsets += columns.offset[k];
     cell.count += 1;
+    all += columns.offset[k] * columns.offset[k];
+    used += 1;
   }
+  // The mean of n events scatters by itself, by their variance over n.
+  const float variance = all / std::max(1.0F, used);
   float squares = 0, counted = 0;
   for (const Cell& cell : cells) {
     if (cell.count < kFew) continue;
-    squares += cell.offsets * cell.offsets / cell.count;
+    squares += cell.offsets * cell.offsets / cell.count - variance;
     counted += cell.count;
   }
-  return counted > 0 ? std::sqrt(squares / counted) : 0;
+  return {squares, counted};
 }
 
 }  // namespace idol

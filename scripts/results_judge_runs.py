@@ -1,0 +1,178 @@
+"""What scripts/results --judge runs: programs on real pieces and simulated recordings, two at a time, and their figures."""
+import concurrent.futures
+import math
+import os
+import subprocess
+import sys
+import threading
+
+from results_judge_table import FAILED
+from results_table import load
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+SHARED = os.path.join(ROOT, "..", "shared")
+REAL_LINES = os.path.join(SHARED, "tools", "real_lines")
+RECORDINGS = os.path.join(SHARED, "tools", "recordings")
+REAL = {"rotDisk": "davis240c_IMU_rotDisk", "shapes_rotation": "rpg_shapes_rotation_0-1.43s",
+        "shapes_rotation_fast": "rpg_shapes_rotation", "slider_depth": "rpg_slider_depth",
+        "shapes_6dof_start": "rpg_shapes_6dof_start"}
+WITH_IMU = ("rotDisk", "shapes_rotation")
+GROUPS = ("real", "sensor", "motion", "old")
+TIMEOUT_S = 900
+
+
+def run(command, log):
+    """What went wrong or None, and the CPU time it took [s], which other programs on the machine hardly change."""
+    with open(log, "w", encoding="utf-8") as file:
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
+    timer = threading.Timer(TIMEOUT_S, process.kill)
+    timer.start()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if not timer.is_alive():
+        return f"took more than {TIMEOUT_S} s", usage.ru_utime
+    timer.cancel()
+    if process.returncode == 0:
+        return None, usage.ru_utime + usage.ru_stime
+    with open(log, encoding="utf-8", errors="replace") as file:
+        last = (file.read().strip().splitlines() or [""])[-1]
+    return last or f"status {process.returncode}", usage.ru_utime
+
+
+def fresh(folder):
+    """The folder, without what an earlier run would pass off as this one's."""
+    os.makedirs(folder, exist_ok=True)
+    for name in os.listdir(folder):
+        if name.endswith((".json", ".txt", ".csv")):
+            os.remove(os.path.join(folder, name))
+    return folder
+
+
+def settings(args):
+    return [word for entry in args.set for word in ("--set", entry)]
+
+
+def odometry(args, folder, out):
+    """Figures of `idol run` on a recording with exact truth, and what failed."""
+    failure, cpu_s = run([args.idol, "run", folder, "--out", out] + settings(args), os.path.join(out, "run.log"))
+    figures = {}
+    stats = load(os.path.join(out, "stats.json"))
+    if stats:
+        counts = stats["front_end"]
+        figures.update(in_segments=100 * counts["in_segments"] / max(1, counts["events"]), restarts=stats["restarts"],
+                       cpu=cpu_s / max(1e-3, stats["duration_s"]))
+    causal, smoothed = (load(os.path.join(out, name + ".json")) for name in ("evaluation_causal", "evaluation"))
+    figures["poses"] = 100 * causal["coverage"] if causal else 0
+    figures.update(FAILED)
+    if causal:
+        full = causal["protocols"]["full"]
+        figures.update(mm=1000 * full["translation_m"]["rmse"], deg=full["rotation_deg"]["rmse"], mpe=full["mpe_percent"])
+    if smoothed:
+        figures["smoothed_mm"] = 1000 * smoothed["protocols"]["full"]["translation_m"]["rmse"]
+    return figures, failure or (None if causal and smoothed else "no trajectory to judge")
+
+
+def front_end(args, folder, out):
+    """Recall and purity of the segments of a recording with exact truth, and what failed."""
+    log = os.path.join(out, "study.log")
+    failure, _ = run([args.study] + args.set + [folder], log)
+    return ({}, "study: " + failure) if failure else (study_figures(log), None)
+
+
+def simulated(args, folder, out):
+    fresh(out)
+    figures, failure = odometry(args, folder, out)
+    labels, error = front_end(args, folder, out)
+    return {"figures": {**figures, **labels}, "failure": failure or error}
+
+
+def study_figures(path):
+    """Recall, and purity of events within 3 px of a listed line in segments mostly there; a dash where nothing is labelled."""
+    with open(path, encoding="utf-8") as file:
+        cells = file.read().strip().splitlines()[-1].split("|")
+    values = {"purity": float(cells[2].rstrip(" )").split(", ")[1]), "recall": float(cells[4])}
+    return {name: value for name, value in values.items() if math.isfinite(value)}
+
+
+def real(args, piece, preset, out):
+    """The front-end on a real piece against its true lines."""
+    fresh(out)
+    labels, score = os.path.join(out, "segments.txt"), os.path.join(out, "score.json")
+    failure, _ = run([args.idol, "segment", data_of(piece), "--out", labels, "--preset", preset] + settings(args),
+                     os.path.join(out, "segment.log"))
+    if not failure:
+        scorer = [sys.executable, os.path.join(REAL_LINES, "score_real.py"), piece, labels, "--json", score]
+        failure, _ = run(scorer, os.path.join(out, "score.log"))
+    found = load(score) or {}
+    names = {"recall": "recall20", "purity": "purity", "covered": "covered", "life": "life"}
+    figures = {} if found else {"recall": 0.0, "covered": 0.0, "life": 0.0}
+    figures.update({name: found[key] for name, key in names.items() if found.get(key) is not None})
+    if "labelled_share" in found:
+        figures["in_segments"] = 100 * found["labelled_share"]
+    return {"figures": figures, "failure": failure}
+
+
+def real_odometry(args, piece, out):
+    import results_real  # needs numpy, which only the real pieces do
+    fresh(out)
+    failure, _ = run([args.idol, "run", data_of(piece), "--out", out] + settings(args), os.path.join(out, "run.log"))
+    try:
+        truth = os.path.join(REAL_LINES, "truth", piece + ".txt")
+        return {"figures": results_real.ODOMETRY[piece](out, data_of(piece), truth), "failure": failure}
+    except (OSError, ValueError, IndexError) as error:
+        return {"figures": {}, "failure": failure or f"no trajectory to judge ({error})"}
+
+
+def data_of(piece):
+    return os.path.join(SHARED, "data", "real", REAL[piece])
+
+
+def recordings(group, log):
+    """Folders of a group; those that are missing are made, which takes minutes."""
+    if group == "old":
+        parent = os.path.join(SHARED, "data", "sim")
+        return [os.path.join(parent, name) for name in sorted(os.listdir(parent))] if os.path.isdir(parent) else []
+    if not os.path.exists(RECORDINGS):
+        return []
+    with open(log, "w", encoding="utf-8") as file:  # its status says nothing of those that were made
+        made = subprocess.run([RECORDINGS, "make", group], stdout=subprocess.PIPE, stderr=file, text=True, check=False)
+    folders = made.stdout.split()
+    for folder in folders:
+        if not os.path.isdir(folder):
+            print(f"results: {os.path.basename(folder)} could not be made ({log}): left out", file=sys.stderr)
+    return [folder for folder in folders if os.path.isdir(folder)]
+
+
+def jobs_of(group, args):
+    """(name in the results, size, function, arguments) of each thing to run."""
+    jobs = []
+    if group == "real" and os.path.isdir(REAL_LINES):
+        for piece in REAL:
+            for preset in ["realtime"] + ["paper"] * args.paper:
+                jobs.append((f"{piece} {preset}", 1e6, real, (piece, preset, os.path.join(args.out, group, preset, piece))))
+        for piece in WITH_IMU:
+            jobs.append((f"{piece} odometry", 1e6, real_odometry, (piece, os.path.join(args.out, group, "run", piece))))
+    elif group != "real":
+        for folder in recordings(group, os.path.join(args.out, group + ".log")):
+            size = sum(os.path.getsize(os.path.join(folder, name)) for name in os.listdir(folder) if "events" in name)
+            name = os.path.basename(folder)
+            jobs.append((name, size, simulated, (folder, os.path.join(args.out, group, name))))
+    if args.only:
+        jobs = [job for job in jobs if job[0].split()[0] in args.only]
+    elif not jobs:
+        print(f"results: no recordings for the group '{group}': left out", file=sys.stderr)
+    return [(group,) + job for job in jobs]
+
+
+def run_all(args):
+    jobs = [job for group in args.group for job in jobs_of(group, args)]
+    results = {group: {} for group in args.group if any(job[0] == group for job in jobs)}
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:  # the longest first
+        running = {}
+        for job in sorted(jobs, key=lambda job: -job[2]):
+            running[job[:2]] = pool.submit(job[3], args, *job[4])
+        for job in jobs:
+            results[job[0]][job[1]] = running[job[:2]].result()
+            failure = results[job[0]][job[1]]["failure"]
+            print(f"results: {job[0]}: {job[1]}" + (f": {failure}" if failure else ""), file=sys.stderr)
+    return results
