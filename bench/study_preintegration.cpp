@@ -11,7 +11,7 @@
 #include <string>
 
 #include "idol/base/median.hpp"
-#include "idol/io/row_stream.hpp"
+#include "idol/io/imu_stream.hpp"
 #include "idol/io/text_recording.hpp"
 #include "reference_preintegration.hpp"
 #include "sine_motion.hpp"
@@ -267,7 +267,7 @@ void print_damage() {
 
 std::vector<ImuSample> read_imu(const char* path) {
   Diagnostics diagnostics;
-  RowStream<ImuSample> stream(open_imu_text(path), {}, diagnostics);
+  ImuStream stream(open_imu_text(path), {}, diagnostics);
   std::vector<ImuSample> samples;
   for (ImuSample s; stream.next(s);) samples.push_back(s);
   return samples;

@@ -1,6 +1,6 @@
 // Event and IMU rows, plain or compressed; trajectories.
 #include "fuzz_recording.hpp"
-#include "idol/io/row_stream.hpp"
+#include "idol/io/imu_stream.hpp"
 #include "idol/io/text_recording.hpp"
 #include "idol/io/trajectory_io.hpp"
 
@@ -19,7 +19,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const auto& layout : {idol::kRpgImu, idol::kAslImu, idol::kTumVieImu}) {
     try {
       idol::Diagnostics diagnostics;
-      idol::RowStream<idol::ImuSample> rows(idol::open_imu_text(file.path(), layout), {}, diagnostics);
+      idol::ImuStream rows(idol::open_imu_text(file.path(), layout), {}, diagnostics);
       for (idol::ImuSample sample; rows.next(sample);) {
       }
     } catch (const idol::DataError&) {

@@ -8,7 +8,7 @@
 #include "commands.hpp"
 #include "idol/base/calibration_files.hpp"
 #include "idol/imu/preintegration.hpp"
-#include "idol/io/row_stream.hpp"
+#include "idol/io/imu_stream.hpp"
 #include "idol/io/text_recording.hpp"
 #include "idol/io/table.hpp"
 #include "idol/io/trajectory_io.hpp"
@@ -24,7 +24,7 @@ struct PreintegrateArguments {
 };
 
 std::vector<ImuSample> read_imu(const std::filesystem::path& path, Diagnostics& diagnostics) {
-  RowStream<ImuSample> stream(open_imu_text(path), {}, diagnostics);
+  ImuStream stream(open_imu_text(path), {}, diagnostics);
   std::vector<ImuSample> samples;
   for (ImuSample sample; stream.next(sample);) samples.push_back(sample);
   if (samples.size() < 2)

@@ -41,6 +41,10 @@ class Diagnostics {
     if (entry.count == 0) entry.first_message = message;
     entry.count += count;
   }
+  /// For what is known better as time goes on: takes the place of what was said before.
+  void replace(const std::string& kind, const std::string& message, std::int64_t count) {
+    entries_[kind] = {message, count};
+  }
   void merge(const Diagnostics& other) {
     for (const auto& [kind, entry] : other.entries_) warn(kind, entry.first_message, entry.count);
   }

@@ -9,26 +9,47 @@ namespace {
 
 bool earlier(const ImuSample& sample, Time t) { return sample.t < t; }
 
+double in_seconds(Time t) { return static_cast<double>(t) / kNsPerS; }
+
 }  // namespace
 
 void ImuBuffer::push(const ImuSample& sample) {
-  const double t = static_cast<double>(sample.t) / kNsPerS;
   if (!sample.accel.allFinite() || !sample.gyro.allFinite()) {
-    diagnostics_.warn("imu_not_finite", fmt::format("IMU sample at {:.6f} s is not a number: skipped", t));
+    diagnostics_.warn("imu_not_finite",
+                      fmt::format("IMU sample at {:.6f} s is not a number: skipped", in_seconds(sample.t)));
     return;
   }
-  if (!samples_.empty()) {
-    if (sample.t <= samples_.back().t) {
-      diagnostics_.warn("imu_stamp_not_increasing",
-                        fmt::format("IMU stamp {:.6f} s repeats or goes back: sample skipped", t));
-      return;
-    }
-    const double gap = seconds_between(samples_.back().t, sample.t);
-    if (gap > max_gap_s_)
-      diagnostics_.warn("imu_gap", fmt::format("no IMU data for {:.3f} s before {:.6f} s: bridged with inflated "
-                                               "covariance, accuracy suffers there", gap, t));
+  if (newest_stamp_ && sample.t < *newest_stamp_) {
+    ready_.repeats.push_back(sample);
+  } else {
+    newest_stamp_ = sample.t;
+    bursts_.push(sample, ready_);
   }
-  samples_.push_back(sample);
+  append_ready();
+}
+
+void ImuBuffer::flush() {
+  bursts_.flush(ready_);
+  append_ready();
+}
+
+void ImuBuffer::append_ready() {
+  for (const ImuSample& sample : ready_.repeats)
+    diagnostics_.warn(
+        "imu_stamp_not_increasing",
+        fmt::format("IMU stamp {:.6f} s repeats or goes back: sample skipped", in_seconds(sample.t)));
+  for (const ImuSample& sample : ready_.samples) {
+    const double gap = samples_.empty() ? 0.0 : seconds_between(samples_.back().t, sample.t);
+    if (gap > max_gap_s_)
+      diagnostics_.warn("imu_gap",
+                        fmt::format("no IMU data for {:.3f} s before {:.6f} s: bridged with inflated "
+                                    "covariance, accuracy suffers there",
+                                    gap, in_seconds(sample.t)));
+    samples_.push_back(sample);
+  }
+  if (!ready_.samples.empty()) bursts_.report("", diagnostics_);
+  ready_.samples.clear();
+  ready_.repeats.clear();
 }
 
 bool ImuBuffer::covers(Time t, int count) const {

@@ -16,7 +16,6 @@ template <>
 class RowCheck<Event> {
  public:
   static constexpr const char* kName = "event";
-  static constexpr bool kEqualStampsAllowed = true;
 
   RowCheck() = default;
   /// A sensor of `width` x `height` pixels; zero where unknown.
@@ -38,7 +37,6 @@ template <>
 class RowCheck<ImuSample> {
  public:
   static constexpr const char* kName = "imu";
-  static constexpr bool kEqualStampsAllowed = false;
 
   [[nodiscard]] bool good(const ImuSample& s) const {
     return RowCheck<Event>::good_stamp(s.t) && within(s.accel) && within(s.gyro);

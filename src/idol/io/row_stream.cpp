@@ -34,11 +34,6 @@ void RowRules::bad_row(std::size_t i, const RowResult& row) {
 }
 
 void RowRules::late_row(std::size_t i, Time t, Time previous, Time newest) {
-  if (t == newest) {
-    diagnostics_.warn(fmt::format("duplicate_{}_stamp", row_name_),
-                      fmt::format("{}: the stamp of the row before; row skipped", place_.where(i)));
-    return;
-  }
   const double back_ms = static_cast<double>(newest - t) / 1e6;
   if (previous - t > kJumpBack && ++jumps_back_ > kMostJumpsBack) {
     throw DataError(

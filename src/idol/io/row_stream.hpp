@@ -9,6 +9,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -27,7 +28,7 @@ class RowRules {
 
   /// Judges row `i` of the piece, which could not be used; returns if it may be skipped.
   void bad_row(std::size_t i, const RowResult& row);
-  /// A row earlier than (or, for the IMU, as late as) the one before it in the file.
+  /// A row earlier than one before it in the file.
   void late_row(std::size_t i, Time t, Time previous, Time newest);
   /// A row that was used, or that was bad.
   void count_row() {
@@ -81,10 +82,9 @@ class RowStream {
       while (read(row)) {
         if (!held_) {
           hold(row);
-        } else if (row.t > held_row_.t || (RowCheck<Row>::kEqualStampsAllowed && row.t == held_row_.t)) {
+        } else if (row.t >= held_row_.t) {
           give(out);
-          held_row_ = row;
-          previous_ = row.t;
+          hold(row);
           rules_.in_order();
           return true;
         } else {
@@ -124,6 +124,8 @@ class RowStream {
   }
 
   [[nodiscard]] const StreamPlace& place() const { return *source_; }
+  /// Where the IMU row that next() gave out last is, if it has the stamp of the one before; else empty.
+  [[nodiscard]] const std::string& repeated_at() const { return given_at_; }
   /// For a stream that is not read to its end. Throws DataError.
   void check_share() const { rules_.check_share(); }
 
@@ -149,8 +151,7 @@ class RowStream {
   /// In order, and not long after: nothing to be looked into.
   static bool near(Time before, Time after) {
     constexpr Time kNear = 1'000'000'000;
-    if (after < before || after > before + kNear) return false;
-    return RowCheck<Row>::kEqualStampsAllowed || after > before;
+    return after >= before && after <= before + kNear;
   }
 
   /// The row being read.
@@ -160,6 +161,9 @@ class RowStream {
     held_row_ = row;
     held_ = true;
     previous_ = row.t;
+    // Events have one stamp often, and nobody asks where.
+    if constexpr (std::is_same_v<Row, ImuSample>)
+      held_at_ = row.t == given_ ? source_->where(here()) : std::string();
   }
 
   void give(Row& out) {
@@ -167,13 +171,14 @@ class RowStream {
     if (given_ != kNone) rules_.check_jump(here(), given_, held_row_.t);
     out = held_row_;
     given_ = out.t;
+    given_at_ = std::move(held_at_);
   }
 
   void put_late(const Row& row) {
     rules_.late_row(here(), row.t, previous_, held_row_.t);
     // One stamp ahead of its neighbours on both sides: it is that one that is wrong.
     constexpr Time kGlitch = 1'000'000;
-    if (previous_ == held_row_.t && held_row_.t - row.t > kGlitch && row.t >= given_) held_row_ = row;
+    if (previous_ == held_row_.t && held_row_.t - row.t > kGlitch && row.t >= given_) hold(row);
     previous_ = row.t;
   }
 
@@ -186,6 +191,7 @@ class RowStream {
   bool held_ = false;
   Time given_ = std::numeric_limits<Time>::min();  // stamp of the last row given out
   Time previous_ = 0;                              // stamp of the last row of the file, used or not
+  std::string held_at_, given_at_;                 // places of IMU rows that have the stamp of the one before
   std::exception_ptr damage_;
 };
 

@@ -77,7 +77,7 @@ void StreamReader::open_streams() {
     try {
       Diagnostics unheard;
       ImuSample sample;
-      RowStream<ImuSample> peek(recording_->imu(unheard), {}, unheard);
+      ImuStream peek(recording_->imu(unheard), {}, unheard);
       if (peek.next(sample)) first_stamp_ = std::min(first_stamp_, sample.t);
     } catch (const DataError&) {
       // Whoever wants the IMU will hear of it.

@@ -6,8 +6,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "idol/io/imu_stream.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/row_stream.hpp"
 
@@ -28,7 +30,7 @@ class StreamReader : public Reader {
   /// A stream with its next row in view.
   template <class Row>
   struct Cursor {
-    RowStream<Row> stream;
+    std::conditional_t<std::is_same_v<Row, ImuSample>, ImuStream, RowStream<Row>> stream;
     std::optional<Row> head;  ///< nothing: the stream is over, by its end or by damage
     std::exception_ptr damage;
 

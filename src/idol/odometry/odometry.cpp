@@ -71,10 +71,12 @@ void Odometry::push(std::span<const Event> events) {
 
 void Odometry::end_imu() {
   imu_over_ = true;
+  imu_.flush();
   process_ready(true);
 }
 
 void Odometry::finish() {
+  imu_.flush();
   process_ready(true);
   if (auto window = windower_.flush()) {
     waiting_ = std::move(window);

@@ -76,7 +76,7 @@ class Odometry {
   /// a time.
   void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
   /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when
-  /// the back-end is some windows behind.
+  /// the back-end is some windows behind. IMU samples may come in bursts with one stamp (ImuBursts).
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
   /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
