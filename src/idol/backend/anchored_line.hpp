@@ -50,6 +50,7 @@ struct LineBin {
   Vec2 a_heading = Vec2::Zero(), b_heading = Vec2::Zero();  ///< MovingLine::heading there
   int slot = 0;                                             ///< which of the window's bin times
   int count = 0;                                            ///< events
+  double scatter_px = 0;  ///< standard deviation of its line's events across it
 
   /// The points carried on by the events' lag.
   [[nodiscard]] Vec2 a(double lag_px) const { return a_px + lag_px * a_heading; }

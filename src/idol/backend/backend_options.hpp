@@ -49,7 +49,7 @@ struct BackendOptions {
   double start_velocity_sigma = 0.01;
   double moving_velocity_sigma = 1.0;
   double gyro_bias_sigma = 0.003;
-  double moving_gyro_bias_sigma = 0.02;
+  double moving_gyro_bias_sigma = 0.06;
   double accel_bias_sigma = 0.2;
   double time_shift_sigma = 0.003;
   double event_lag_sigma_px = 0.2;

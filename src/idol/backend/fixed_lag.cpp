@@ -273,13 +273,14 @@ std::vector<LineId> FixedLag::longest(std::vector<LineId> ids) const {
   return ids;
 }
 
+// In pixels of a thin edge: what a thick one may be off counts less.
 double FixedLag::rms_px(const Track& track, const Observation& seen) const {
   double sum = 0;
   int rows = 0;
   for (const auto& bin : seen.bins) {
     const auto d = distances(bin, track.line, seen.window);
     if (!d) continue;
-    sum += d->squaredNorm();
+    sum += d->squaredNorm() / std::pow(widening(bin), 2);
     rows += 2;
   }
   return rows == 0 ? 1e6 : std::sqrt(sum / rows);

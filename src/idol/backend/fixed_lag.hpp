@@ -137,6 +137,7 @@ class FixedLag : public Backend {
   void cull();
   void measure_extents();
   [[nodiscard]] double rms_px(const Track& track, const Observation& seen) const;
+  [[nodiscard]] static double widening(const LineBin& bin);
   [[nodiscard]] double sigma_px(const LineBin& bin) const;
   [[nodiscard]] SolveStats newest_stats() const;
   [[nodiscard]] Line line_of(LineId id, const Track& track) const;

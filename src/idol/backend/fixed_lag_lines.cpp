@@ -110,7 +110,7 @@ bool FixedLag::fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLin
         const double weight = 1 / std::pow(sigma_px(bin), 2);
         H += weight * r.d_line.transpose() * r.d_line;
         g += weight * r.d_line.transpose() * r.value;
-        squares += r.value.squaredNorm();
+        squares += r.value.squaredNorm() / std::pow(widening(bin), 2);
         rows += 2;
       }
     rms = std::sqrt(squares / std::max(1, rows));

@@ -114,8 +114,8 @@ LineDetector::LineDetector(const UndistortMap& undistort)
     for (Cell& cell : cells) cell.wanted = kFirstTest;
 }
 
-void LineDetector::begin_batch(Time begin, double most, double min_length) {
-  min_length_ = min_length;
+void LineDetector::begin_batch(Time begin, double most, double min_length, double noise) {
+  min_length_ = min_length, noise_ = noise;
   if (begin >= next_fade_) {
     for (auto& cells : cells_)
       for (Cell& cell : cells) cell.wanted = std::max(kFirstTest, cell.wanted - cell.wanted / 4);
@@ -174,14 +174,15 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
   Columns columns;
   gather(col, row, polarity, to_us(newest.t), columns);
   ++counts_.looked_at;
-  if (columns.n < kFewest) {
+  if (columns.n < static_cast<std::size_t>(kFewest)) {
     ++counts_.few;
     return false;
   }
+  using Span = std::array<std::size_t, 2>;
   // Starts: the newest events of the cell, all of them, those of it and its neighbours to either side, all.
   Sheet best;
   float best_score = 0;
-  const auto try_from = [&](std::span<const std::array<std::size_t, 2>> ranges) {
+  const auto try_from = [&](std::span<const Span> ranges) {
     Moments moments;
     const Sheet everywhere{1, 0, 0, 0};
     for (const auto& [from, to] : ranges)
@@ -206,12 +207,11 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
     if (score > best_score) best_score = score, best = line;
   };
   const auto& s = columns.starts;
-  using Range = std::array<std::size_t, 2>;
   const std::size_t own = s[1];
-  try_from(std::array<Range, 1>{Range{0, std::min<std::size_t>(own, 24)}});
-  try_from(std::array<Range, 1>{Range{0, own}});
-  try_from(std::array<Range, 1>{Range{0, s[3]}});
-  try_from(std::array<Range, 2>{Range{0, own}, Range{s[3], s[5]}});
+  try_from(std::array<Span, 1>{Span{0, std::min<std::size_t>(own, 24)}});
+  try_from(std::array<Span, 1>{Span{0, own}});
+  try_from(std::array<Span, 1>{Span{0, s[3]}});
+  try_from(std::array<Span, 2>{Span{0, own}, Span{s[3], s[5]}});
   if (best_score == 0) {
     ++counts_.few;
     return false;
@@ -257,6 +257,12 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
     return false;
   }
   const auto more = static_cast<float>(inside - outside), sum = static_cast<float>(inside + outside);
+  // Noise of this polarity on the line, in the time that its events span.
+  const float by_chance = static_cast<float>(0.5 * noise_) * length * 2 * gate * std::sqrt(12 * best.tt);
+  if (static_cast<float>(inside) < 2 * by_chance + kSignificant * std::sqrt(by_chance)) {
+    ++counts_.few;
+    return false;
+  }
   if (static_cast<float>(outside) > kMostBeside * static_cast<float>(inside) || more < kSignificant * std::sqrt(sum)) {
     ++counts_.texture;
     return false;

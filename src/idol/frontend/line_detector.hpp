@@ -39,8 +39,8 @@ class LineDetector {
  public:
   explicit LineDetector(const UndistortMap& undistort);
   /// Before each batch: how many events of it may be taken (when the batch before had more, only every
-  /// second, third, ... one is), and the shortest line [px].
-  void begin_batch(Time begin, double most, double min_length);
+  /// second, third, ... one is), the shortest line [px], and the rate of noise [1/(px^2 s)].
+  void begin_batch(Time begin, double most, double min_length, double noise);
   /// Events that were left out for this, by now.
   [[nodiscard]] std::int64_t skipped() const { return skipped_; }
   [[nodiscard]] const DetectorCounts& counts() const { return counts_; }
@@ -81,7 +81,7 @@ class LineDetector {
   Time next_fade_ = 0;
   std::int64_t candidates_ = 0, stride_ = 1;  // of this batch; of how many candidates one is taken
   std::int64_t skipped_ = 0;
-  double min_length_ = 0;
+  double min_length_ = 0, noise_ = 0;
   DetectorCounts counts_;
   std::vector<LineSeed> seeds_;
 };

@@ -168,17 +168,17 @@ void LineTracker::search(std::span<const Event> events, double duration) {
   const std::span<const std::uint32_t> rest = claims_.rest();
   const auto now_us = [](Time t) { return static_cast<std::uint32_t>(t / 1000); };
   const double by_chance = kMostByChance / std::max(1e-3, 4 * background_);
-  const auto support = static_cast<std::uint32_t>(std::clamp(std::min(4 * c_, by_chance), 0.005, 0.05) * 1e6);
+  const auto support = static_cast<std::uint32_t>(std::clamp(by_chance, 0.001, 0.05) * 1e6);
   const int h = undistort_->height();
   // Of noise alone, so many events come in this time in the area that is asked for support.
-  constexpr double kNoiseShare = 0.4, kArea = 64;
+  constexpr double kNoiseShare = 0.3, kArea = 32;  // [px^2], of one polarity
   const auto within = static_cast<std::uint32_t>(
       1e6 * std::clamp(kNoiseShare * kSupport / (kArea * std::max(1e-3, background_)), 5e-4, 0.15));
   int alone = 0;
   detector_.begin_batch(
       events.front().t,
       options_.detect_rate * std::max(1e-3, seconds_between(events.front().t, events.back().t)),
-      options_.min_length_px);
+      options_.min_length_px, noise_known_s_ > kNoiseMemory / 2 ? background_ : 0);
   for (std::size_t k = 0; k < rest.size(); ++k) {
     const Event& e = events[rest[k]];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;
@@ -197,7 +197,7 @@ void LineTracker::search(std::span<const Event> events, double duration) {
       if (loneliness_[pixel] < 255) ++loneliness_[pixel];
       continue;
     }
-    if (!supported) {
+    if (!supported && noise_known_s_ > kNoiseMemory / 2) {
       ++unsupported_;
       continue;
     }
@@ -207,8 +207,13 @@ void LineTracker::search(std::span<const Event> events, double duration) {
   if (duration > 0) {
     // Noise has no neighbours, but by chance.
     const double chance = std::exp(-4 * background_ * 1e-6 * support);
-    const double now = alone / (chance * duration * w * h);
-    background_ += (now - background_) * std::min(1.0, duration / kNoiseMemory);
+    // Where lines claim the events there is no telling.
+    double claimed = 0;  // [px^2]
+    for (const ClaimingLine& line : lines_) claimed += 2.0 * line.gate * (line.hi - line.lo);
+    const double all = 1.0 * w * h, area = std::max(0.2 * all, all - claimed);
+    const double now = alone / (chance * duration * area);
+    noise_known_s_ += duration;
+    background_ += (now - background_) * std::min(1.0, duration / std::min(kNoiseMemory, noise_known_s_));
   }
 }
 

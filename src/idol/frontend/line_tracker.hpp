@@ -194,7 +194,9 @@ class LineTracker {
   std::int64_t hot_ = 0, unsupported_ = 0;
   std::array<std::int64_t, kEndReasons> ends_{};
   std::int64_t born_ = 0, validated_ = 0;
-  double background_ = 0;  // events of noise [1/(px s)]
+  // Events of noise [1/(px s)]. From above: an estimate that is too low takes noise for neighbours and stays.
+  double background_ = 30;
+  double noise_known_s_ = 0;
 };
 
 }  // namespace idol

@@ -50,7 +50,8 @@ Odometry::Odometry(const Rig& rig, const Options& options)
       imu_(options.imu.max_gap_s),
       windower_(options.window),
       segmenter_(make_segmenter(options.segment, undistort_)),
-      smoother_(make_backend(rig, options.backend)) {
+      smoother_(make_backend(rig, options.backend)),
+      motion_(rig.camera.width, rig.camera.height) {
   if (options.pipeline.threads > 1) background_ = std::make_unique<Background>(kMostWaiting);
 }
 
@@ -167,22 +168,11 @@ void Odometry::start_when_known(bool last) {
 // Steadily, so that the IMU alone would think it at rest. Something that passes before a camera at rest does
 // not fill the image.
 bool Odometry::image_moves() const {
-  constexpr double kSpeed = 8;          // [px/s]
-  constexpr std::size_t kSegments = 5;  // in a window
-  constexpr double kSpread = 0.5;       // from the first to the last tenth, of width and height
+  constexpr double kSpread = 0.4;  // of width and height
+  ImageMotion motion(rig_.camera.width, rig_.camera.height);
   return std::any_of(held_.begin(), held_.end(), [&](const auto& segmented) {
-    std::vector<double> x, y;
-    for (const Segment& s : segmented->segments.segments) {
-      if (std::abs(s.line.c[2]) < kSpeed) continue;
-      x.push_back(s.line.origin.x()), y.push_back(s.line.origin.y());
-    }
-    if (x.size() < kSegments) return false;
-    const auto spread = [](std::vector<double>& values) {
-      std::sort(values.begin(), values.end());
-      const std::size_t cut = values.size() / 10;
-      return values[values.size() - 1 - cut] - values[cut];
-    };
-    return spread(x) > kSpread * rig_.camera.width && spread(y) > kSpread * rig_.camera.height;
+    motion.add(segmented->window, segmented->segments);
+    return motion.moves(kSpread);
   });
 }
 
@@ -259,8 +249,9 @@ void Odometry::estimate(const Segmented& segmented) {
   std::copy_if(segmented.samples.begin(), segmented.samples.end(), std::back_inserter(inside),
                [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });
   const std::int64_t noise = segmented.counts.hot + segmented.counts.unsupported;
+  motion_.add(window, segments);
   measurement.still =
-      rest_.update(window, segments.segments.size(), noise - std::exchange(noise_events_, noise), inside,
+      rest_.update(window, motion_.moves(), noise - std::exchange(noise_events_, noise), inside,
                    from.bias, options_.backend.gravity) &&
       options_.backend.use_rest;
   measurement.lines = observe(window, segments, *measurement.imu);
@@ -321,7 +312,7 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
     observation.event_count = static_cast<std::int64_t>(count);
     const std::span own_events(own, segment->events.end());
     if (options_.backend.method == BackendMethod::kFixedLag)
-      observation.bins = compress_events(window, own_events, segment->line);
+      observation.bins = compress_events(window, own_events, *segment);
     else
       observation.events = choose_events(window, own_events, imu);
     const Time middle = window.events[*(own + static_cast<std::ptrdiff_t>(count / 2))].t;
@@ -352,32 +343,52 @@ int Odometry::bin_count(const EventWindow& window) const {
       1, static_cast<int>(std::lround(seconds_between(window.begin, window.end) / options_.backend.bin_s)));
 }
 
-// All events in bins of equal time, each moved across the line to its bin's middle as the segment moves.
+// All events in bins of equal time, each moved across the line to its bin's middle as the segment moves. Bins
+// with few events, as slow lines have them, are joined until there are enough.
 std::vector<LineBin> Odometry::compress_events(const EventWindow& window,
                                                std::span<const std::uint32_t> events,
-                                               const MovingLine& line) const {
+                                               const Segment& segment) const {
   const double duration = seconds_between(window.begin, window.end);
   const int bins = bin_count(window);
+  const MovingLine& line = segment.line;
+  constexpr double kGateSigmas = 1.6;  // what is farther is the tail of late events, and noise
+  const double gate = std::max(options_.backend.bin_gate_px, kGateSigmas * segment.sigma_px);
   std::vector<LineBin> out;
-  std::size_t next = 0;
+  const auto bin_of = [&](std::uint32_t i) {
+    const double share = seconds_between(window.begin, window.events[i].t) / duration;
+    return std::clamp(static_cast<int>(share * bins), 0, bins - 1);
+  };
   std::vector<Vec2> points;
-  for (int k = 0; k < bins; ++k) {
-    const double middle = (k + 0.5) * duration / bins;
-    const Time until = window.begin + from_seconds((k + 1) * duration / bins);
-    points.clear();
-    for (; next < events.size() && (window.events[events[next]].t < until || k + 1 == bins); ++next) {
-      const Event& e = window.events[events[next]];
-      const Vec2 px = undistort_(e.x, e.y).cast<double>();
-      const double t = seconds_between(window.begin, e.t), u = line.along({px.x(), px.y(), t});
-      if (std::abs(line.distance({px.x(), px.y(), t})) > options_.backend.bin_gate_px) continue;
-      points.push_back(px + line.point(u, middle) - line.point(u, t));
+  std::vector<double> times;
+  int first = 0;  // bin of the points
+  const auto finish = [&](int last) {
+    if (std::ssize(points) < options_.backend.min_bin_events) return false;
+    const int slot = (first + last) / 2;
+    const double middle = (slot + 0.5) * duration / bins;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const double u = line.along({points[k].x(), points[k].y(), times[k]});
+      points[k] += line.point(u, middle) - line.point(u, times[k]);
     }
-    if (std::ssize(points) < options_.backend.min_bin_events) continue;
     const LineMoments moments = compress(points);
     const auto heading = [&](const Vec2& px) {
       return line.heading(line.along({px.x(), px.y(), middle}), middle);
     };
-    out.push_back({moments.a(), moments.b(), heading(moments.a()), heading(moments.b()), k, moments.count});
+    out.push_back({moments.a(), moments.b(), heading(moments.a()), heading(moments.b()), slot, moments.count,
+                   segment.sigma_px});
+    return true;
+  };
+  std::size_t next = 0;
+  for (int bin = 0; bin < bins; ++bin) {
+    if (points.empty()) first = bin;
+    for (; next < events.size() && bin_of(events[next]) <= bin; ++next) {
+      const Event& e = window.events[events[next]];
+      const Vec2 px = undistort_(e.x, e.y).cast<double>();
+      const double t = seconds_between(window.begin, e.t);
+      if (std::abs(line.distance({px.x(), px.y(), t})) > gate) continue;
+      points.push_back(px);
+      times.push_back(t);
+    }
+    if (finish(bin)) points.clear(), times.clear();
   }
   return out;
 }

@@ -24,6 +24,7 @@
 #include "idol/imu/imu_buffer.hpp"
 #include "idol/imu/imu_init.hpp"
 #include "idol/odometry/background.hpp"
+#include "idol/odometry/image_motion.hpp"
 #include "idol/odometry/rest_detector.hpp"
 
 namespace idol {
@@ -126,7 +127,7 @@ class Odometry {
                                                             const Preintegration& imu) const;
   [[nodiscard]] std::vector<LineBin> compress_events(const EventWindow& window,
                                                      std::span<const std::uint32_t> events,
-                                                     const MovingLine& line) const;
+                                                     const Segment& segment) const;
   [[nodiscard]] int bin_count(const EventWindow& window) const;
 
   Rig rig_;
@@ -143,6 +144,7 @@ class Odometry {
   bool imu_over_ = false;
   Time prepared_ = std::numeric_limits<Time>::min();  // up to where the open window has been looked at
   double prepare_s_ = 0;                              // what that took
+  ImageMotion motion_;
   RestDetector rest_;
   std::int64_t noise_events_ = 0;  // by now, for its differences
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far

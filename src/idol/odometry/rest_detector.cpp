@@ -12,7 +12,6 @@ namespace {
 // all events are noise.
 constexpr double kMoreThanRest = 0.35, kSigmas = 5, kMostlyNoise = 0.7;
 constexpr int kRestWindows = 16;           // that tell what is usual at a rest
-constexpr std::size_t kStraySegments = 2;  // that noise may form
 // For how long a rest is quiet before it is believed [s], and in the dark: with fewer events than this share
 // of the last rest's, or than this [1/s].
 constexpr double kQuietFirst = 0.3, kQuietInTheDark = 2, kDarkShare = 0.5, kDarkRate = 500;
@@ -40,7 +39,7 @@ void RestDetector::begin(bool still, Time known_until) {
   known_until_ = known_until;
 }
 
-bool RestDetector::update(const EventWindow& window, std::size_t segments, std::int64_t noise,
+bool RestDetector::update(const EventWindow& window, bool image_moves, std::int64_t noise,
                           std::span<const ImuSample> imu, const ImuBias& bias, double gravity) {
   const double duration = seconds_between(window.begin, window.end);
   const auto count = static_cast<double>(window.events.size() - window.overlap);
@@ -54,16 +53,15 @@ bool RestDetector::update(const EventWindow& window, std::size_t segments, std::
   readings << rate, force.norm();
   if (rest_.windows == 0) expected << bias.gyro, gravity + force.norm() - (force - bias.accel).norm();
 
-  const bool shapeless = segments <= kStraySegments;
   if (resting_) {
-    resting_ = shapeless && (window.end <= known_until_ || events <= rest_.events + margin(duration));
+    resting_ = !image_moves && (window.end <= known_until_ || events <= rest_.events + margin(duration));
     if (resting_ && rest_.windows < kRestWindows) rest_.add(events, readings);
-    interrupted_ = shapeless;
+    interrupted_ = !image_moves;
     quiet_s_ = 0;
     return resting_;
   }
   const bool as_few = rest_.windows > 0 && events <= rest_.events + margin(duration) / 2;
-  const bool quiet = shapeless && (as_few || static_cast<double>(noise) >= kMostlyNoise * count) &&
+  const bool quiet = !image_moves && (as_few || static_cast<double>(noise) >= kMostlyNoise * count) &&
                      !imu.empty() && near(readings, expected, kTremorRate, kTremorForce);
   // One window alone may be a jerk: the next one says.
   const bool goes_on = std::exchange(interrupted_, false) && as_few;

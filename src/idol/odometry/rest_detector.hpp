@@ -11,7 +11,7 @@
 namespace idol {
 
 /// At rest only noise and tremor make events, and motion multiplies them long before the IMU tells it from
-/// its own noise: a rest ends when the events say so, by their number or by forming lines. The events cannot
+/// its own noise: a rest ends when the events say so, by their number or by lines that move on. The events cannot
 /// tell a rest from motion in front of a blank wall or in the dark: a rest begins only when the IMU agrees,
 /// for some windows on end. It is asked for the readings of the last rest, if there was one, as the
 /// accelerometer's bias is not known well.
@@ -19,9 +19,9 @@ class RestDetector {
  public:
   /// `still`: the IMU says that the recording begins at rest, until `known_until` at least.
   void begin(bool still, Time known_until);
-  /// For each window in turn: its events, how many line segments they form, how many of them are noise (of
-  /// hot pixels, or of no line and without neighbours), the IMU data of its time.
-  bool update(const EventWindow& window, std::size_t segments, std::int64_t noise,
+  /// For each window in turn: its events, whether the lines that they form have moved on (ImageMotion), how
+  /// many of them are noise (of hot pixels, or of no line and without neighbours), the IMU data of its time.
+  bool update(const EventWindow& window, bool image_moves, std::int64_t noise,
               std::span<const ImuSample> imu, const ImuBias& bias, double gravity);
 
  private:
