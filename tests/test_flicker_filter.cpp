@@ -126,8 +126,8 @@ TEST(FlickerFilter, TellsFlickerFromMovingEdges) {
   for (const double hz : {90.0, 100.0, 130.0})
     for (const double width : {0.3, 1.0})
       for (const double probability : {0.02, 0.1, 0.5}) {
-        Stream stream = edges_and_noise(1.2);
-        add_lamp(stream, {.hz = hz, .width = width, .probability = probability, .to_s = 1.2});
+        Stream stream = edges_and_noise(0.7);
+        add_lamp(stream, {.hz = hz, .width = width, .probability = probability, .to_s = 0.7});
         const Result result = filter(std::move(stream));
         EXPECT_GT(result.flicker_removed, probability < 0.05 ? 0.8 : 0.9)
             << hz << ' ' << width << ' ' << probability;

@@ -64,10 +64,15 @@ class FlickerAnalysis {
   /// To be called at the end of a hop, before the next row begins. nullopt: no events, or fewer than four
   /// hops.
   [[nodiscard]] std::optional<Oscillation> find();
-  /// Tells flicker of that frequency from other events, by their phase; phase 0 is now, at the end of a hop.
-  void separate(double hz);
+  /// Tells flicker of that frequency from other events, by their phase. `phase` in [0, 1): now, at the end of
+  /// a hop.
+  void separate(double hz, double phase);
   /// Expected events a period: of flicker, by phase, and the others.
   [[nodiscard]] const Profile& flicker(std::size_t channel) const { return flicker_[channel]; }
+  /// Where the phases begin at which flicker of a polarity (1: ON) is least; they are three eighths of all.
+  [[nodiscard]] int quiet_phase(std::size_t polarity) const { return quiet_phases_[polarity]; }
+  /// True if hardly any events but those of flicker come from there.
+  [[nodiscard]] bool only_flicker(std::size_t tile) const { return found_[tile] == Tile::kEven; }
   [[nodiscard]] float others(std::size_t channel) const { return others_[channel]; }
 
  private:
@@ -86,8 +91,8 @@ class FlickerAnalysis {
   [[nodiscard]] std::complex<float> vote(const Demodulated& z) const;
   [[nodiscard]] bool is_even(std::size_t tile) const;
   void find_tiles(const Demodulated& z, std::complex<float> common, float turn, Oscillation& out);
-  [[nodiscard]] float fold(double hz);
-  [[nodiscard]] Profile shape(std::size_t polarity) const;
+  [[nodiscard]] float fold(double hz, double phase);
+  [[nodiscard]] Profile shape(std::size_t polarity);
   [[nodiscard]] float amount_about(std::size_t channel) const;
 
   // A column of the signal is 1 ms long.
@@ -104,6 +109,7 @@ class FlickerAnalysis {
   std::array<Column, 2> counts_;                // events by tile, of the older and the newer half
   enum class Tile : std::uint8_t { kOther, kFollows, kEven };
   std::vector<Tile> found_;
+  std::array<int, 2> quiet_phases_{};
   std::vector<Profile> folded_, flicker_;
   Column totals_, amounts_, errors_, others_;  // by channel
 };

@@ -18,7 +18,9 @@ constexpr int kTilesShare = 24, kEvenShare = 4;
 constexpr int kConfirmations = 2, kMisses = 6;  // consecutive analyses that begin and end the filtering
 constexpr int kHeldHops = 9;                    // at the beginning: as long as a first decision can take
 constexpr float kNegligible = 0.25F;            // flicker at a phase, by the other events at it
-constexpr float kLeastPassing = 1.5F;           // events in a block and period; an edge makes more
+constexpr double kFewRepeats = 0.1;    // events of a pixel and burst after the first, by the first ones
+constexpr int kPhaseShift = 27;        // of a phase in 2^32 parts
+constexpr float kLeastPassing = 1.5F;  // events in a block and period; an edge makes more
 
 }  // namespace
 
@@ -28,7 +30,9 @@ FlickerFilter::FlickerFilter(int width, int height)
       has_flicker_(grid_.channels()),
       thresholds_(grid_.channels() * FlickerAnalysis::kPhases),
       blocks_across_(static_cast<std::size_t>(width >> kBlockShift) + 1),
-      blocks_(2 * blocks_across_ * (static_cast<std::size_t>(height >> kBlockShift) + 1)) {}
+      blocks_(2 * blocks_across_ * (static_cast<std::size_t>(height >> kBlockShift) + 1)),
+      last_burst_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
+      only_flicker_(grid_.channels()) {}
 
 void FlickerFilter::restart(Time t) {
   started_ = true;
@@ -82,9 +86,10 @@ bool FlickerFilter::detect() {
 // At the end of a hop.
 void FlickerFilter::analyse() {
   if (detect()) {
-    analysis_.separate(last_hz_);
     set_phase(last_hz_);
+    analysis_.separate(last_hz_, static_cast<double>(static_cast<std::uint32_t>(anchor_phase_)) * 0x1p-32);
     set_thresholds();
+    set_bursts();
     active_ = true;
   } else if (missed_ >= kMisses) {
     active_ = false;
@@ -92,11 +97,10 @@ void FlickerFilter::analyse() {
   if (active_ || ++hops_ >= kHeldHops) holding_ = false;
 }
 
-// Phase 0 is now. While flicker is followed its periods are counted on, for the counts of the blocks.
+// While flicker is followed its phase goes on, for the counts of the blocks and the pixels' bursts.
 void FlickerFilter::set_phase(double hz) {
   constexpr std::uint64_t kPeriod = std::uint64_t{1} << 32;
-  const std::uint64_t phase = active_ ? phase_at(row_end_) : anchor_phase_ + 2 * kPeriod;
-  anchor_phase_ = (phase + kPeriod / 2) / kPeriod * kPeriod;
+  anchor_phase_ = active_ ? phase_at(row_end_) : anchor_phase_ + 2 * kPeriod;
   anchor_ = row_end_;
   phase_per_ns_ = std::llround(hz / kNsPerS * 0x1p48);
   frequency_hz_ = hz;
@@ -120,7 +124,6 @@ void FlickerFilter::set_thresholds() {
 }
 
 bool FlickerFilter::is_flicker(const Event& e, std::size_t channel) {
-  constexpr int kPhaseShift = 27;
   static_assert(FlickerAnalysis::kPhases == 1 << (32 - kPhaseShift));
   const std::uint64_t phase = phase_at(e.t);
   const auto period = static_cast<std::uint32_t>(phase >> 32), within = static_cast<std::uint32_t>(phase);
@@ -138,7 +141,35 @@ bool FlickerFilter::is_flicker(const Event& e, std::size_t channel) {
     return false;
   }
   const float left = 1 - static_cast<float>(within) * 0x1p-32F;  // of the period
-  return static_cast<float>(block.before) * left + static_cast<float>(block.now) <= threshold;
+  if (static_cast<float>(block.before) * left + static_cast<float>(block.now) > threshold) return false;
+  return !is_repeated(e, channel, phase) || !fires_once_;
+}
+
+// Under a lamp for which pixels fire only once while its light grows, or fades, a second event is of an edge
+// (or the first one was; which of them is left out matters little). A burst begins amid the quiet phases.
+void FlickerFilter::set_bursts() {
+  constexpr std::int64_t kEnough = 200;
+  if (firsts_ >= kEnough)
+    fires_once_ = static_cast<double>(repeats_) < kFewRepeats * static_cast<double>(firsts_);
+  firsts_ = repeats_ = 0;
+  for (std::size_t polarity = 0; polarity < 2; ++polarity)
+    burst_begin_[polarity] =
+        static_cast<std::uint64_t>(analysis_.quiet_phase(polarity) + FlickerAnalysis::kPhases * 3 / 16)
+        << kPhaseShift;
+  for (std::size_t c = 0; c < grid_.channels(); ++c)
+    only_flicker_[c] = analysis_.only_flicker(c % grid_.tiles) ? 1 : 0;
+}
+
+bool FlickerFilter::is_repeated(const Event& e, std::size_t channel, std::uint64_t phase) {
+  const std::size_t polarity = e.polarity ? 1 : 0;
+  const auto burst = static_cast<std::uint32_t>((phase - burst_begin_[polarity]) >> 32) * 2 +
+                     static_cast<std::uint32_t>(polarity);
+  std::uint32_t& last =
+      last_burst_[static_cast<std::size_t>(e.y) * static_cast<std::size_t>(grid_.width) + e.x];
+  const bool repeated = last == burst;
+  last = burst;
+  if (only_flicker_[channel] != 0) ++(repeated ? repeats_ : firsts_);
+  return repeated;
 }
 
 }  // namespace idol

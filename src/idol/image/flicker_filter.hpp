@@ -1,6 +1,7 @@
 // Tells the events of a flickering lamp from those of motion.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -14,8 +15,9 @@ namespace idol {
 /// Lamps on the mains flicker at 100 or 120 Hz: all over what they light, pixels fire ON while the light
 /// grows and OFF while it fades, at the same phases of each period. An edge that moves fires at any phase,
 /// and only where it is. Every 20 ms the filter looks at the last 0.16 s (FlickerAnalysis); where it finds
-/// flicker, events of its phases and polarity are left out, unless those at the other phases say that an edge
-/// passes there which makes more events than the flicker.
+/// flicker, events of its phases and polarity are left out, but for two kinds that are of edges: those of a
+/// place where, by the events at the other phases, an edge makes more events than the flicker, and further
+/// ones of a pixel that has had its event of flicker in this half period.
 ///
 /// Bounded memory. The result depends on the sequence of events alone, not on how it is spread over calls.
 class FlickerFilter {
@@ -73,12 +75,14 @@ class FlickerFilter {
     return anchor_phase_ + static_cast<std::uint64_t>(((t - anchor_) * phase_per_ns_) >> 16);
   }
   bool is_flicker(const Event& event, std::size_t channel);
+  bool is_repeated(const Event& event, std::size_t channel, std::uint64_t phase);
   void advance(Time t);
   void restart(Time t);
   void analyse();
   [[nodiscard]] bool detect();
   void set_phase(double hz);
   void set_thresholds();
+  void set_bursts();
 
   static constexpr int kBlockShift = 2;  // blocks of 4 x 4 px
   static constexpr std::size_t kMostHeld = std::size_t{1} << 22;
@@ -100,6 +104,12 @@ class FlickerFilter {
   std::vector<float> thresholds_;          // by channel and phase; 0: no flicker at this phase
   std::size_t blocks_across_;
   std::vector<Block> blocks_;  // by polarity and place
+  // A burst is a period's flicker of one polarity.
+  std::vector<std::uint32_t> last_burst_;       // by pixel: the last one that it had an event in
+  std::array<std::uint64_t, 2> burst_begin_{};  // by polarity: phase, in periods times 2^32
+  std::vector<std::uint8_t> only_flicker_;      // by channel: no other events to speak of
+  std::int64_t firsts_ = 0, repeats_ = 0;       // there, since the last analysis: events by pixel and burst
+  bool fires_once_ = false;                     // there is hardly more than one event by pixel and burst
 };
 
 }  // namespace idol

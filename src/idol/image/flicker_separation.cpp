@@ -27,14 +27,14 @@ IDOL_WIDE void add_shared(const std::uint16_t* counts, float share_a, float shar
 }  // namespace
 
 // Events a period by phase; returns the number of periods that they are from, which is a whole one.
-float FlickerAnalysis::fold(double hz) {
+float FlickerAnalysis::fold(double hz, double phase) {
   const std::size_t channels = grid_.channels();
   const double period_rows = kNsPerS / hz / static_cast<double>(kRow_ns);
   const double periods = std::floor(hops() * kHopRows / period_rows);
   Column sums(kPhases * channels);
   for (int age = 0; age + 0.5 < periods * period_rows; ++age) {
     // A row counts for the two phases next to its middle: so all phases get the same time.
-    const double turns = -(age + 0.5) / period_rows;
+    const double turns = phase - (age + 0.5) / period_rows;
     const double at = (turns - std::floor(turns)) * kPhases + kPhases - 0.5;
     const auto left = static_cast<std::size_t>(at);
     const auto share = static_cast<float>(at - std::floor(at));
@@ -53,7 +53,7 @@ float FlickerAnalysis::fold(double hz) {
 
 // How the flicker's events of a polarity are spread over the period; sums to 1. From tiles that hardly have
 // other events, if there are some. The quietest three eighths of the period on end have no flicker.
-FlickerAnalysis::Profile FlickerAnalysis::shape(std::size_t polarity) const {
+FlickerAnalysis::Profile FlickerAnalysis::shape(std::size_t polarity) {
   constexpr std::size_t kQuiet = kPhases * 3 / 8;
   const auto even = std::count(found_.begin(), found_.end(), Tile::kEven);
   const Tile wanted = even >= kLeastEven ? Tile::kEven : Tile::kFollows;
@@ -73,6 +73,7 @@ FlickerAnalysis::Profile FlickerAnalysis::shape(std::size_t polarity) const {
     }
     if (sum >= least * kQuiet) continue;
     least = sum / kQuiet;
+    quiet_phases_[polarity] = static_cast<int>(first);
     scatter = std::sqrt(std::max(0.0F, squares / kQuiet - least * least));
   }
   const float peak = *std::max_element(out.begin(), out.end()) - least;
@@ -107,8 +108,8 @@ float FlickerAnalysis::amount_about(std::size_t channel) const {
 // How much flicker there is in a tile is fitted to its events by least squares. An edge that crosses the
 // pixels at nearly the flicker's rhythm looks like flicker, and one that makes many events hides it, but not
 // in most tiles about.
-void FlickerAnalysis::separate(double hz) {
-  const float periods = fold(hz);
+void FlickerAnalysis::separate(double hz, double phase) {
+  const float periods = fold(hz, phase);
   for (std::size_t polarity = 0; polarity < 2; ++polarity) {
     const Profile form = shape(polarity);
     const std::size_t first = polarity * grid_.tiles;
