@@ -18,6 +18,7 @@ constexpr int kTilesShare = 24, kEvenShare = 4;
 constexpr int kConfirmations = 2, kMisses = 6;  // consecutive analyses that begin and end the filtering
 constexpr int kHeldHops = 9;                    // at the beginning: as long as a first decision can take
 constexpr float kNegligible = 0.25F;            // flicker at a phase, by the other events at it
+constexpr float kNearlyAll = 0.7F;              // of the pixels fire in a burst
 constexpr double kFewRepeats = 0.1;    // events of a pixel and burst after the first, by the first ones
 constexpr int kPhaseShift = 27;        // of a phase in 2^32 parts
 constexpr float kLeastPassing = 1.5F;  // events in a block and period; an edge makes more
@@ -145,19 +146,26 @@ bool FlickerFilter::is_flicker(const Event& e, std::size_t channel) {
   return !is_repeated(e, channel, phase) || !fires_once_;
 }
 
-// Under a lamp for which pixels fire only once while its light grows, or fades, a second event is of an edge
-// (or the first one was; which of them is left out matters little). A burst begins amid the quiet phases.
+// Under a lamp for which nearly all pixels fire, and only once, while its light grows, or fades, a second
+// event is of an edge (or the first one was; which of them is left out matters little). A burst begins amid
+// the quiet phases.
 void FlickerFilter::set_bursts() {
   constexpr std::int64_t kEnough = 200;
+  float amount = 0, area_px = 0;
+  for (std::size_t c = 0; c < grid_.channels(); ++c) {
+    only_flicker_[c] = analysis_.only_flicker(c % grid_.tiles) ? 1 : 0;
+    if (only_flicker_[c] == 0) continue;
+    for (const float share : analysis_.flicker(c)) amount += share;
+    area_px += grid_.area_px(c % grid_.tiles);
+  }
   if (firsts_ >= kEnough)
-    fires_once_ = static_cast<double>(repeats_) < kFewRepeats * static_cast<double>(firsts_);
+    fires_once_ = static_cast<double>(repeats_) < kFewRepeats * static_cast<double>(firsts_) &&
+                  amount > kNearlyAll * area_px;
   firsts_ = repeats_ = 0;
   for (std::size_t polarity = 0; polarity < 2; ++polarity)
     burst_begin_[polarity] =
         static_cast<std::uint64_t>(analysis_.quiet_phase(polarity) + FlickerAnalysis::kPhases * 3 / 16)
         << kPhaseShift;
-  for (std::size_t c = 0; c < grid_.channels(); ++c)
-    only_flicker_[c] = analysis_.only_flicker(c % grid_.tiles) ? 1 : 0;
 }
 
 bool FlickerFilter::is_repeated(const Event& e, std::size_t channel, std::uint64_t phase) {
