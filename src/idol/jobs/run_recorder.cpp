@@ -195,9 +195,9 @@ void RunRecorder::write_windows() const {
       "sigma_bgx,sigma_bgy,sigma_bgz,sigma_bax,sigma_bay,sigma_baz,sigma_time_shift,sigma_event_lag\n";
   for (const auto& r : rows_) {
     const SegmenterCounts& n = r.counts;
-    text +=
-        fmt::format("{},{:.6f},{},{},{},{},{},{},{},{},{:.2f}", format_stamp(r.t), r.duration_s, r.events,
-                    n.in_segments, n.flicker, n.hot, n.unsupported, n.thinned, r.segments, r.lines_seen, r.speed_px_s);
+    text += fmt::format("{},{:.6f},{},{},{},{},{},{},{},{},{:.2f}", format_stamp(r.t), r.duration_s, r.events,
+                        n.in_segments, n.flicker, n.hot, n.unsupported, n.thinned, r.segments, r.lines_seen,
+                        r.speed_px_s);
     text += fmt::format(",{},{},{},{:.6g},{:.4f},{:.4f}", r.stats.lines, r.stats.residuals,
                         r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s);
     text +=
@@ -250,12 +250,9 @@ std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& sum
                      {"integrate", total.integrate_s},
                      {"solve", total.solve_s}};
   const SegmenterCounts counts = odometry.event_counts();
-  stats["front_end"] = {{"events", counts.events},
-                        {"in_segments", counts.in_segments},
-                        {"flicker", counts.flicker},
-                        {"hot_pixels", counts.hot},
-                        {"unsupported", counts.unsupported},
-                        {"thinned", counts.thinned}};
+  stats["front_end"] = {{"events", counts.events},           {"in_segments", counts.in_segments},
+                        {"flicker", counts.flicker},         {"hot_pixels", counts.hot},
+                        {"unsupported", counts.unsupported}, {"thinned", counts.thinned}};
   if (odometry.started()) {
     stats["time_shift_s"] = odometry.smoother().latest().time_shift;
     stats["event_lag_px"] = odometry.smoother().latest().event_lag_px;

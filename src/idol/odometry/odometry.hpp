@@ -159,7 +159,7 @@ class Odometry {
   Time prepared_ = std::numeric_limits<Time>::min();  // up to where the open window has been looked at
   double prepare_s_ = 0;                              // what that took
   RestDetector rest_;
-  std::int64_t noise_events_ = 0;  // by now, for its differences
+  std::int64_t noise_events_ = 0;        // by now, for its differences
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;
   Diagnostics diagnostics_, backend_diagnostics_;
