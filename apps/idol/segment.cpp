@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <deque>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -12,6 +13,7 @@
 #include "idol/frontend/delayed_labels.hpp"
 #include "idol/frontend/segments.hpp"
 #include "idol/frontend/windower.hpp"
+#include "idol/image/flicker_filter.hpp"
 #include "idol/io/event_monitor.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/sensor_size.hpp"
@@ -58,13 +60,24 @@ UndistortMap measure_sensor(const SegmentArguments& arguments) {
   return {width, height};
 }
 
-void write_labels(TextWriter& writer, const EventWindow& window, const SegmentedWindow& segments) {
+void write_label(fmt::memory_buffer& text, const Event& e, LineId id) {
+  fmt::format_to(std::back_inserter(text), "{} {} {} {:d} {}\n", format_stamp(e.t), e.x, e.y, e.polarity, id);
+}
+
+// Writes and drops those of `left_out`, which are events of flicker in time order, that lie before `t`.
+void write_left_out(fmt::memory_buffer& text, std::deque<Event>& left_out, Time t) {
+  for (; !left_out.empty() && left_out.front().t < t; left_out.pop_front())
+    write_label(text, left_out.front(), kNoLine);
+}
+
+void write_labels(TextWriter& writer, const EventWindow& window, const SegmentedWindow& segments,
+                  std::deque<Event>& left_out) {
   fmt::memory_buffer text;
   for (std::size_t i = window.overlap; i < window.events.size(); ++i) {
-    const Event& e = window.events[i];
-    fmt::format_to(std::back_inserter(text), "{} {} {} {:d} {}\n", format_stamp(e.t), e.x, e.y, e.polarity,
-                   segments.ids[i]);
+    write_left_out(text, left_out, window.events[i].t);
+    write_label(text, window.events[i], segments.ids[i]);
   }
+  write_left_out(text, left_out, window.end);
   writer.write({text.data(), text.size()});
 }
 
@@ -143,9 +156,19 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
   const auto segmenter = make_segmenter(options.segment, undistort);
   Pictures pictures(arguments.pictures, undistort);
   Turns turns(rig);
+  FlickerFilter flicker_filter(undistort.width(), undistort.height());
+  std::deque<Event> left_out;
+  const auto take = [&](const Event& event, bool is_flicker) {
+    if (is_flicker) {
+      windower.leave_out_flicker(event.t);
+      left_out.push_back(event);
+    } else {
+      windower.push({&event, 1});
+    }
+  };
   DelayedLabels delayed;
   const auto write = [&](const LabelledWindow& labelled) {
-    write_labels(writer, labelled.window, labelled.segments);
+    write_labels(writer, labelled.window, labelled.segments, left_out);
     pictures.add(labelled.window, labelled.segments);
   };
   const auto process = [&](const EventWindow& window) {
@@ -159,14 +182,24 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
       if (!packet) break;
       monitor.add(packet->events);
       turns.add(packet->imu);
-      windower.push(packet->events);
+      for (const Event& event : packet->events) {
+        if (options.filter.flicker)
+          flicker_filter.push(event, take);
+        else
+          windower.push({&event, 1});
+      }
       while (const auto window = interrupted() ? std::nullopt : windower.pop()) process(*window);
     }
   } catch (const DataError& e) {
     failure = e.what();
   }
+  flicker_filter.finish(take);
+  while (const auto window = interrupted() ? std::nullopt : windower.pop()) process(*window);
   if (const auto window = interrupted() ? std::nullopt : windower.flush()) process(*window);
   while (const auto labelled = delayed.flush()) write(*labelled);
+  fmt::memory_buffer rest;  // behind the last event that is of use
+  write_left_out(rest, left_out, std::numeric_limits<Time>::max());
+  writer.write({rest.data(), rest.size()});
   writer.close();
   return failure;
 }

@@ -9,7 +9,9 @@ namespace idol {
 
 void SegmenterCounts::add(const EventWindow& window, std::span<const LineId> ids) {
   const auto fresh = ids.subspan(window.overlap);
-  events += std::ssize(fresh);
+  const auto left_out = static_cast<std::int64_t>(window.flicker);
+  flicker += left_out;
+  events += std::ssize(fresh) + left_out;
   in_segments += std::count_if(fresh.begin(), fresh.end(), [](LineId id) { return id != kNoLine; });
 }
 

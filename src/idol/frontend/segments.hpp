@@ -112,6 +112,7 @@ struct SegmentedWindow {
 /// What became of the events so far.
 struct SegmenterCounts {
   std::int64_t events = 0, in_segments = 0;
+  std::int64_t flicker = 0;      ///< of a flickering lamp: left out before all else
   std::int64_t hot = 0;          ///< of pixels that fire without cause
   std::int64_t unsupported = 0;  ///< of no line and without neighbours: noise
   std::int64_t thinned = 0;      ///< not looked at for new lines, to keep up with the sensor

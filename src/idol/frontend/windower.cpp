@@ -10,11 +10,21 @@ void Windower::push(std::span<const Event> events) {
   for (const Event& event : events) push_one(event);
 }
 
-void Windower::push_one(const Event& event) {
+void Windower::begin_at(Time t) {
   if (!started_) {
-    current_.begin = event.t;
+    current_.begin = t;
     started_ = true;
   }
+}
+
+void Windower::leave_out_flicker(Time t) {
+  begin_at(t);
+  advance(t);
+  ++current_.flicker;
+}
+
+void Windower::push_one(const Event& event) {
+  begin_at(event.t);
   advance(event.t);
   const bool full =
       current_.events.size() - current_.overlap >= static_cast<std::size_t>(options_.max_events);

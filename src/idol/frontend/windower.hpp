@@ -35,6 +35,7 @@ struct EventWindow {
   Time end = 0;
   std::vector<Event> events;
   std::size_t overlap = 0;
+  std::size_t flicker = 0;  ///< others of its time, which a filter left out: of a flickering lamp
 };
 
 /// Windows tile time without gaps from the first event on: each ends when it holds max_events (events with
@@ -45,6 +46,8 @@ class Windower {
 
   /// Events in time order; cutting does not depend on how they are spread over calls.
   void push(std::span<const Event> events);
+  /// Instead of push(): counts an event that is left out, since it is of a flickering lamp.
+  void leave_out_flicker(Time t);
   /// Says that all events before `t` have been pushed: closes windows that lie before it.
   void advance(Time t);
   /// Next complete window.
@@ -56,6 +59,7 @@ class Windower {
 
  private:
   void close(Time end);
+  void begin_at(Time t);
   void push_one(const Event& event);
 
   WindowOptions options_;

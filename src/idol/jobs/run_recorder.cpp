@@ -36,6 +36,7 @@ Trajectory imu_poses(const std::vector<NavState>& states) {
 SegmenterCounts difference(SegmenterCounts a, const SegmenterCounts& b) {
   a.events -= b.events;
   a.in_segments -= b.in_segments;
+  a.flicker -= b.flicker;
   a.hot -= b.hot;
   a.unsupported -= b.unsupported;
   a.thinned -= b.thinned;
@@ -70,7 +71,7 @@ void RunRecorder::add(const Estimate& e, const Sight& sight) {
   publish(e);
   Row row{e.window.end,
           seconds_between(e.window.begin, e.window.end),
-          e.window.events.size() - e.window.overlap,
+          e.window.events.size() - e.window.overlap + e.window.flicker,
           e.segments.segments.size(),
           sight.lines.size(),
           difference(e.counts, counts_),
@@ -187,16 +188,16 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
 
 void RunRecorder::write_windows() const {
   std::string text =
-      "t,duration_s,events,in_segments,hot,unsupported,thinned,segments,lines_seen,speed_px_s,lines,"
+      "t,duration_s,events,in_segments,flicker,hot,unsupported,thinned,segments,lines_seen,speed_px_s,lines,"
       "residuals,"
       "iterations,cost,rms_px,mean_track_s,segment_s,integrate_s,solve_s,latency_s,restarts,settled,"
       "sigma_px,sigma_py,sigma_pz,sigma_rx,sigma_ry,sigma_rz,sigma_vx,sigma_vy,sigma_vz,"
       "sigma_bgx,sigma_bgy,sigma_bgz,sigma_bax,sigma_bay,sigma_baz,sigma_time_shift,sigma_event_lag\n";
   for (const auto& r : rows_) {
     const SegmenterCounts& n = r.counts;
-    text +=
-        fmt::format("{},{:.6f},{},{},{},{},{},{},{},{:.2f}", format_stamp(r.t), r.duration_s, r.events,
-                    n.in_segments, n.hot, n.unsupported, n.thinned, r.segments, r.lines_seen, r.speed_px_s);
+    text += fmt::format("{},{:.6f},{},{},{},{},{},{},{},{},{:.2f}", format_stamp(r.t), r.duration_s, r.events,
+                        n.in_segments, n.flicker, n.hot, n.unsupported, n.thinned, r.segments, r.lines_seen,
+                        r.speed_px_s);
     text += fmt::format(",{},{},{},{:.6g},{:.4f},{:.4f}", r.stats.lines, r.stats.residuals,
                         r.stats.iterations, r.stats.cost, r.stats.rms_px, r.stats.mean_track_s);
     text +=
@@ -249,11 +250,9 @@ std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& sum
                      {"integrate", total.integrate_s},
                      {"solve", total.solve_s}};
   const SegmenterCounts counts = odometry.event_counts();
-  stats["front_end"] = {{"events", counts.events},
-                        {"in_segments", counts.in_segments},
-                        {"hot_pixels", counts.hot},
-                        {"unsupported", counts.unsupported},
-                        {"thinned", counts.thinned}};
+  stats["front_end"] = {{"events", counts.events},           {"in_segments", counts.in_segments},
+                        {"flicker", counts.flicker},         {"hot_pixels", counts.hot},
+                        {"unsupported", counts.unsupported}, {"thinned", counts.thinned}};
   if (odometry.started()) {
     stats["time_shift_s"] = odometry.smoother().latest().time_shift;
     stats["event_lag_px"] = odometry.smoother().latest().event_lag_px;

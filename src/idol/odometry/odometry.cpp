@@ -52,6 +52,7 @@ Odometry::Odometry(const Rig& rig, const Options& options)
       segmenter_(make_segmenter(options.segment, undistort_)),
       smoother_(make_backend(rig, options.backend)),
       motion_(rig.camera.width, rig.camera.height) {
+  if (options.filter.flicker) flicker_filter_.emplace(rig.camera.width, rig.camera.height);
   if (options.pipeline.threads > 1) background_ = std::make_unique<Background>(kMostWaiting);
 }
 
@@ -64,10 +65,20 @@ void Odometry::push(std::span<const Event> events) {
   const Time offset = from_seconds(rig_.time_offset_s);
   for (Event event : events) {
     event.t += offset;
-    windower_.push({&event, 1});
+    if (flicker_filter_)
+      flicker_filter_->push(event, [this](const Event& e, bool is_flicker) { take(e, is_flicker); });
+    else
+      windower_.push({&event, 1});
   }
   process_ready(imu_over_);
   prepare();
+}
+
+void Odometry::take(const Event& event, bool is_flicker) {
+  if (is_flicker)
+    windower_.leave_out_flicker(event.t);
+  else
+    windower_.push({&event, 1});
 }
 
 void Odometry::end_imu() {
@@ -78,6 +89,8 @@ void Odometry::end_imu() {
 
 void Odometry::finish() {
   imu_.flush();
+  if (flicker_filter_)
+    flicker_filter_->finish([this](const Event& e, bool is_flicker) { take(e, is_flicker); });
   process_ready(true);
   if (auto window = windower_.flush()) {
     waiting_ = std::move(window);
@@ -405,6 +418,12 @@ std::optional<NavState> Odometry::predict_at(Time t) const {
 
 Diagnostics Odometry::diagnostics() const {
   Diagnostics all = diagnostics_;
+  if (const SegmenterCounts counts = segmenter_->counts(); counts.flicker > 0)
+    all.warn("flicker",
+             fmt::format("the light flickers at {:.0f} Hz: {:.0f} % of the events were left out",
+                         flicker_filter_->frequency_hz(),
+                         100 * static_cast<double>(counts.flicker) / static_cast<double>(counts.events)),
+             counts.flicker);
   all.merge(backend_diagnostics_);
   all.merge(imu_.diagnostics());
   return all;

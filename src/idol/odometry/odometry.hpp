@@ -21,6 +21,7 @@
 #include "idol/base/types.hpp"
 #include "idol/frontend/segments.hpp"
 #include "idol/frontend/windower.hpp"
+#include "idol/image/flicker_filter.hpp"
 #include "idol/imu/imu_buffer.hpp"
 #include "idol/imu/imu_init.hpp"
 #include "idol/odometry/background.hpp"
@@ -28,6 +29,16 @@
 #include "idol/odometry/rest_detector.hpp"
 
 namespace idol {
+
+struct EventFilterOptions {
+  bool flicker = true;
+
+  template <class Self, class Visitor>
+  static void fields(Self& self, Visitor&& visit) {
+    visit("flicker", self.flicker, Range{},
+          "leave out the events of lamps that flicker at 86 to 134 Hz, which is twice the mains' frequency");
+  }
+};
 
 struct PipelineOptions {
   int threads = 2;
@@ -40,6 +51,7 @@ struct PipelineOptions {
 };
 
 struct Options {
+  EventFilterOptions filter;
   WindowOptions window;
   SegmentOptions segment;
   PreintegrationOptions imu;
@@ -49,6 +61,7 @@ struct Options {
 
   template <class Self, class Visitor>
   static void fields(Self& self, Visitor&& visit) {
+    visit("filter", self.filter, Range{}, "");
     visit("window", self.window, Range{}, "");
     visit("segment", self.segment, Range{}, "");
     visit("imu", self.imu, Range{}, "");
@@ -101,6 +114,7 @@ class Odometry {
   [[nodiscard]] Diagnostics diagnostics() const;
 
  private:
+  void take(const Event& event, bool is_flicker);
   void process_ready(bool last);
   void prepare();
   void drop_waiting();
@@ -134,6 +148,7 @@ class Odometry {
   Options options_;
   UndistortMap undistort_;
   ImuBuffer imu_;
+  std::optional<FlickerFilter> flicker_filter_;
   Windower windower_;
   std::unique_ptr<Segmenter> segmenter_;
   std::unique_ptr<Backend> smoother_;
@@ -146,7 +161,7 @@ class Odometry {
   double prepare_s_ = 0;                              // what that took
   ImageMotion motion_;
   RestDetector rest_;
-  std::int64_t noise_events_ = 0;  // by now, for its differences
+  std::int64_t noise_events_ = 0;        // by now, for its differences
   std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;
   Diagnostics diagnostics_, backend_diagnostics_;

@@ -26,12 +26,14 @@ bool near(const Eigen::Vector4d& readings, const Eigen::Vector4d& expected, doub
 
 }  // namespace
 
-void RestDetector::Usual::add(double events_per_s, const Eigen::Vector4d& imu_readings) {
+void RestDetector::Usual::add(double events_per_s, const Eigen::Vector4d& imu_readings,
+                              const Vec3& mean_force) {
   ++windows;
   const double before = events_per_s - events;
   events += before / windows;
   events_square += before * (events_per_s - events);
   imu += (imu_readings - imu) / windows;
+  force += (mean_force - force) / windows;
 }
 
 void RestDetector::begin(bool still, Time known_until) {
@@ -54,8 +56,9 @@ bool RestDetector::update(const EventWindow& window, bool image_moves, std::int6
   if (rest_.windows == 0) expected << bias.gyro, gravity + force.norm() - (force - bias.accel).norm();
 
   if (resting_) {
-    resting_ = !image_moves && (window.end <= known_until_ || events <= rest_.events + margin(duration));
-    if (resting_ && rest_.windows < kRestWindows) rest_.add(events, readings);
+    resting_ = !image_moves && !imu_moves(rate, force, duration) &&
+               (window.end <= known_until_ || events <= rest_.events + margin(duration));
+    if (resting_ && rest_.windows < kRestWindows) rest_.add(events, readings, force);
     interrupted_ = !image_moves;
     quiet_s_ = 0;
     return resting_;
@@ -71,7 +74,7 @@ bool RestDetector::update(const EventWindow& window, bool image_moves, std::int6
   }
   if (quiet_s_ == 0) quiet_ = {};
   quiet_s_ += duration;
-  quiet_.add(events, readings);
+  quiet_.add(events, readings, force);
   const bool dark = quiet_.events < std::max(kDarkShare * rest_.events, kDarkRate);
   if (quiet_s_ >= (dark ? kQuietInTheDark : kQuietFirst)) {
     resting_ = near(quiet_.imu, expected, kQuietRate, kQuietForce);
@@ -80,6 +83,20 @@ bool RestDetector::update(const EventWindow& window, bool image_moves, std::int6
   }
   resting_ = resting_ || goes_on;
   return resting_;
+}
+
+// Tremor goes to and fro within the time of the mean, motion goes on.
+bool RestDetector::imu_moves(const Vec3& rate, const Vec3& force, double duration) {
+  constexpr double kMeanOver = 0.2;  // [s]
+  constexpr int kKnown = 6;          // windows that tell what the IMU reads at this rest
+  if (rest_.windows < kKnown) {
+    rate_beside_ = force_beside_ = Vec3::Zero();
+    return false;
+  }
+  const double share = std::min(1.0, duration / kMeanOver);
+  rate_beside_ += share * (rate - rest_.imu.head<3>() - rate_beside_);
+  force_beside_ += share * (force - rest_.force - force_beside_);
+  return rate_beside_.norm() > kQuietRate || force_beside_.norm() > kQuietForce;
 }
 
 // Of events per second, in a window of that many seconds.

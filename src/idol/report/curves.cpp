@@ -81,6 +81,7 @@ void add_window_panels(std::vector<Panel>& panels, const CsvColumns& w, Time zer
   add(kFront, "What became of the events", "%",
       {{"in_segments", "kept: in segments", 100, "", "events"},
        {"unsupported", "noise", 100, "", "events"},
+       {"flicker", "flicker", 100, "", "events"},
        {"hot", "hot pixels", 100, "", "events"},
        {"thinned", "thinned", 100, "", "events"}});
   add(kFront, "Tracks in the window", "",
