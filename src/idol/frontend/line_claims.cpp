@@ -124,7 +124,8 @@ LineClaims::LineClaims(const UndistortMap& undistort) : width_(static_cast<std::
 }
 
 std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::span<ClaimingLine> lines,
-                              std::span<const std::uint8_t> loneliness, LineId* labels) {
+                              std::span<const std::uint8_t> loneliness, std::uint8_t hot_from,
+                              LineId* labels) {
   const auto half_span = static_cast<float>(
       std::max(seconds_between(events.front().t, middle), seconds_between(middle, events.back().t)));
   for (std::size_t k = 0; k < lines.size(); ++k) {
@@ -132,7 +133,7 @@ std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::s
     const float fastest = std::abs(line.rate) + std::abs(line.turn) * (line.hi - line.lo) / 2;
     draw(static_cast<std::uint16_t>(k + 1), line, 2 * line.gate + std::min(4.0F, fastest * half_span));
   }
-  sort_by_line(events, middle, lines.size(), loneliness);
+  sort_by_line(events, middle, lines.size(), loneliness, hot_from);
   std::fill_n(labels, events.size(), kNoLine);
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const std::size_t from = starts_[k + 1], n = starts_[k + 2] - from;
@@ -172,8 +173,9 @@ void LineClaims::draw(std::uint16_t index, const ClaimingLine& line, float band)
   const float along = flat ? line.dx : line.dy, slope = (flat ? line.dy : line.dx) / along;
   const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) / kCell;
   const float p0 = flat ? centre.x() : centre.y(), q0 = flat ? centre.y() : centre.x();
-  const float from = p0 + (line.lo - kEndMargin) * along / kCell,
-              to = p0 + (line.hi + kEndMargin) * along / kCell;
+  // A short line grows step by step: where it may end in one step is enough.
+  const float margin = std::clamp(0.25F * (line.hi - line.lo), 2.5F, kEndMargin);
+  const float from = p0 + (line.lo - margin) * along / kCell, to = p0 + (line.hi + margin) * along / kCell;
   const int n = flat ? cols_ : rows_, across = flat ? rows_ : cols_;
   const int step = flat ? cols_ : 1, stride = flat ? 1 : cols_;
   const float reach = band / kCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
@@ -197,7 +199,7 @@ void LineClaims::draw(std::uint16_t index, const ClaimingLine& line, float band)
 }
 
 void LineClaims::sort_by_line(std::span<const Event> events, Time middle, std::size_t lines,
-                              std::span<const std::uint8_t> loneliness) {
+                              std::span<const std::uint8_t> loneliness, std::uint8_t hot_from) {
   const auto contested = static_cast<std::uint16_t>(lines + 1), hot = static_cast<std::uint16_t>(lines + 2);
   kinds_.resize(events.size());
   starts_.assign(lines + 4, 0);
@@ -208,7 +210,7 @@ void LineClaims::sort_by_line(std::span<const Event> events, Time middle, std::s
     const std::size_t pixel = pixel_of(events[i]);
     const Cell& named = cells_[pixels_[pixel].cell];
     std::uint16_t kind = named[1] != 0 ? contested : named[0];
-    kind = loneliness[pixel] >= kHot ? hot : kind;
+    kind = loneliness[pixel] >= hot_from ? hot : kind;
     kinds_[i] = kind;
     ++starts_[kind + 1];
   }

@@ -41,13 +41,12 @@ class LineClaims {
  public:
   explicit LineClaims(const UndistortMap& undistort);
   /// Labels the events of a batch (time order) with the ids of `lines`, to which it adds what they say; those
-  /// without are in rest(). Events of pixels with `loneliness` of kHot or more are left out: returns how
+  /// without are in rest(). Events of pixels with `loneliness` of `hot` or more are left out: returns how
   /// many.
   std::size_t claim(std::span<const Event> events, Time middle, std::span<ClaimingLine> lines,
-                    std::span<const std::uint8_t> loneliness, LineId* labels);
+                    std::span<const std::uint8_t> loneliness, std::uint8_t hot, LineId* labels);
   [[nodiscard]] std::span<const std::uint32_t> rest() const { return rest_; }
 
-  static constexpr std::uint8_t kHot = 24;
   static constexpr float kCoreGate = 0.67F;  ///< of the gate: near the line
   static constexpr float kParallel = 0.99F;  ///< cosine between two pieces of one line
 
@@ -63,7 +62,7 @@ class LineClaims {
   }
   void draw(std::uint16_t index, const ClaimingLine& line, float band);
   void sort_by_line(std::span<const Event> events, Time middle, std::size_t lines,
-                    std::span<const std::uint8_t> loneliness);
+                    std::span<const std::uint8_t> loneliness, std::uint8_t hot_from);
   ClaimingLine* claim_contested(std::size_t at, const Cell& named, std::span<ClaimingLine> lines) const;
 
   std::size_t width_;

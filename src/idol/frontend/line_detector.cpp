@@ -14,6 +14,7 @@ namespace {
 constexpr std::uint32_t kFirstTest = 12;  // new events in a cell before it is tested,
 constexpr std::uint32_t kLastTest = 96;   // and where it was in vain again and again
 const int kFewest = static_cast<int>(X(kFewest, 20));               // events on a line
+const float kMostBend = static_cast<float>(X(kMostBend, 0.04));  // of its length
 constexpr int kRounds = 7;
 constexpr float kFirstGate = 1.4F, kNarrowest = 0.3F, kPlace = 20;  // [px]
 const float kSignificant = static_cast<float>(X(kSignificant, 3.8));      // standard deviations by which its events are more than those beside
@@ -144,6 +145,13 @@ void LineDetector::add(const Event& event) {
     mine.wanted = std::min(kLastTest, mine.wanted + mine.wanted / 2);
 }
 
+void LineDetector::discourage(const Eigen::Vector2d& px) {
+  const int col = static_cast<int>(px.x()) / kCell, row = static_cast<int>(px.y()) / kCell;
+  for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r)
+    for (int c = std::max(0, col - 1); c <= std::min(cols_ - 1, col + 1); ++c)
+      for (int polarity : {0, 1}) cell(c, r, polarity).wanted = static_cast<std::uint32_t>(X(kDiscourage, 64));
+}
+
 void LineDetector::gather(int col, int row, int polarity, std::uint32_t now, Columns& out) const {
   constexpr std::array<std::array<int, 2>, 9> kAround{
       {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}}};
@@ -223,12 +231,14 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
   // Where along the line are its events, and how many lie beside it?
   const float gate = gate_of(best.sigma), dx = best.ny, dy = -best.nx;
   std::array<int, kBins> on{}, left{}, right{};
+  std::array<float, kBins> offsets{};
   for (std::size_t i = 0; i < columns.n; ++i) {
     const float u = dx * columns.x[i] + dy * columns.y[i];
     const float r = best.nx * columns.x[i] + best.ny * columns.y[i] - best.d - best.v * columns.t[i];
     const float off = std::abs(r);
     const int at = static_cast<int>(std::floor(u / kBin)) + kBins / 2;
     if (at < 0 || at >= kBins || off > 2 * gate) continue;
+    if (off < gate) offsets[static_cast<std::size_t>(at)] += r;
     ++(off < gate ? on : r < 0 ? left : right)[static_cast<std::size_t>(at)];
   }
   // From the fullest piece to both sides.
@@ -270,6 +280,22 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
   if (length < static_cast<float>(min_length_) || length < 4 * best.sigma) {
     ++counts_.shorts;
     return false;
+  }
+  // Does it bend? The mean offset of its middle third against that of its outer ones; what their scatter makes
+  // of it by chance is allowed for.
+  float middle_n = 0, middle_r = 0, outer_n = 0, outer_r = 0;
+  for (std::ptrdiff_t k = from; k <= to; ++k) {
+    const bool outer = 3 * (k - from) < to - from || 3 * (to - k) < to - from;
+    (outer ? outer_n : middle_n) += static_cast<float>(on[static_cast<std::size_t>(k)]);
+    (outer ? outer_r : middle_r) += offsets[static_cast<std::size_t>(k)];
+  }
+  if (middle_n > 0 && outer_n > 0) {
+    const float bend = std::abs(middle_r / middle_n - outer_r / outer_n);
+    const float by_scatter = best.sigma * std::sqrt(1 / middle_n + 1 / outer_n);
+    if (bend > kMostBend * length + 2.5F * by_scatter) {
+      ++counts_.bent;
+      return false;
+    }
   }
   const Cell& mine = cell(col, row, polarity);
   const Point middle = mine.points[(mine.count - 1) % kKept];

@@ -32,6 +32,7 @@ struct DetectorCounts {
   std::int64_t thick = 0;      ///< refused: too wide an edge
   std::int64_t texture = 0;    ///< refused: as many events beside the line as on it
   std::int64_t shorts = 0;     ///< refused: too short
+  std::int64_t bent = 0;       ///< refused: bent
   std::int64_t found = 0;      ///< seeds
 };
 
@@ -46,6 +47,8 @@ class LineDetector {
   [[nodiscard]] const DetectorCounts& counts() const { return counts_; }
   /// Takes an unclaimed event.
   void add(const Event& event);
+  /// About there a line was found that was none: for a while, more events are needed for the next.
+  void discourage(const Eigen::Vector2d& px);
   /// What the batch's events completed, until the next batch.
   [[nodiscard]] std::span<const LineSeed> end_batch() const { return seeds_; }
 

@@ -70,6 +70,12 @@ void LineTracker::forget_before(Time t) {
   std::erase_if(known_, [&](const auto& entry) { return entry.second.last_event < t; });
 }
 
+// From how many events without neighbours on, fading, a pixel is hot: one alone has some where noise is much.
+std::uint8_t LineTracker::hot_from() const {
+  constexpr double kHot = 24, kTimesNoise = 3;
+  return static_cast<std::uint8_t>(std::min(250.0, kHot + (noise_known_s_ > kNoiseMemory ? kTimesNoise * background_ : 0)));
+}
+
 // Events this near are the line's own [px]: by its width, and by how well its place is known.
 double LineTracker::gate(const LineTrack& track) {
   const double kSigmas = X(kGateSigmas, 2.0); constexpr double kLeast = 1.3, kMost = 4.5;
@@ -109,7 +115,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     advance(track, middle);
     lines_.push_back(claiming(track));
   }
-  hot_ += static_cast<std::int64_t>(claims_.claim(events, middle, lines_, loneliness_, labels));
+  hot_ += static_cast<std::int64_t>(claims_.claim(events, middle, lines_, loneliness_, hot_from(), labels));
 
   // A batch stands for the time since the one before; after a long pause, for as long as it was thought to
   // be.
@@ -124,6 +130,8 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     known.sigma = tracks_[k].sigma;
     known.polarity = lines_[k].wanted;
   }
+  for (const LineTrack& track : tracks_)
+    if (!track.alive && track.refused) detector_.discourage(track.centre);
   for (LineTrack& track : tracks_)
     if (!track.alive && track.confirmed) lost_.push_back(std::move(track));
   std::erase_if(lost_, [&](const LineTrack& t) { return seconds_between(t.last_event, end) > kLostMemory; });
@@ -171,14 +179,14 @@ void LineTracker::search(std::span<const Event> events, double duration) {
   const auto support = static_cast<std::uint32_t>(std::clamp(by_chance, 0.001, 0.05) * 1e6);
   const int h = undistort_->height();
   // Of noise alone, so many events come in this time in the area that is asked for support.
-  constexpr double kNoiseShare = 0.3, kArea = 32;  // [px^2], of one polarity
+  const double kNoiseShare = X(kNoiseShare, 0.3), kArea = 32;  // [px^2], of one polarity
   const auto within = static_cast<std::uint32_t>(
       1e6 * std::clamp(kNoiseShare * kSupport / (kArea * std::max(1e-3, background_)), 5e-4, 0.15));
   int alone = 0;
   detector_.begin_batch(
       events.front().t,
       options_.detect_rate * std::max(1e-3, seconds_between(events.front().t, events.back().t)),
-      options_.min_length_px, noise_known_s_ > kNoiseMemory / 2 ? background_ : 0);
+      options_.min_length_px, noise_known_s_ > kNoiseMemory / 2 ? X(kNoisePass, 0.3) * background_ : 0);
   for (std::size_t k = 0; k < rest.size(); ++k) {
     const Event& e = events[rest[k]];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;

@@ -60,6 +60,7 @@ struct LineTrack {
   double sigma = 0.6;        ///< scatter of its events across it [px]
   bool confirmed = false;
   bool alive = true;
+  bool refused = false;  ///< ended young, as none
   double travel = 0;        ///< motion since birth [px]
   double fresh_travel = 0;  ///< since the last look at the statistics [px]
   double support = 0, by_chance = 0;  ///< events claimed since birth, and those of noise among them
@@ -132,6 +133,7 @@ class LineTracker {
   [[nodiscard]] const TrackOptions& options() const { return options_; }
 
  private:
+  [[nodiscard]] std::uint8_t hot_from() const;
   [[nodiscard]] static double gate(const LineTrack& track);
   void predict(LineTrack& track, Time t) const;
   void advance(LineTrack& track, Time t) const;

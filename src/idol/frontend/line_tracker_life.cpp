@@ -12,7 +12,7 @@ namespace idol {
 namespace {
 
 constexpr double kEndFade = 0.6;        // of the counts about the ends at each look
-const float kEndDensity = static_cast<float>(X(kEndDensity, 0.35));     // of the line's density: where it falls below, the line ends
+const float kEndDensity = static_cast<float>(X(kEndDensity, 0.3));     // of the line's density: where it falls below, the line ends
 constexpr double kNoisy = 0.03;         // share of noise among a line's events that makes one look uncertain
 constexpr double kLostNear = 8;         // of its place then, at most [px]: lines get lost at sudden turns
 constexpr double kLostParallel = 0.96;  // cosine
@@ -21,15 +21,16 @@ constexpr float kGapEvents = 16;        // expected in two pixels, at least, bef
 const float kGapDensity = static_cast<float>(X(kGapDensity, 0.06));    // of the line's, at most, in two pixels of a gap
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
 const double kConfirmTravel = (X(kConfirmTravel, 1.5));  // motion before a track gets known [px]
-const double kConfirmEvents = (X(kConfirmEvents, 50));   // and events
+const double kConfirmEvents = (X(kConfirmEvents, 35));   // and events
 constexpr double kFade = 0.6;         // of the statistics at each look
 const double kMinCore = (X(kMinCore, 0.7));      // share of near events among near and ring, else texture
 const double kSure = (X(kSure, 2));           // standard deviations of the noise
 constexpr double kFastest = 8000;     // [px/s]
-const double kUniform = (X(kUniform, 0.284));    // mean square distance over that of the gate, at most: evenly spread events have 1/3
+const double kUniform = (X(kUniform, 0.3));    // mean square distance over that of the gate, at most: evenly spread events have 1/3
 const double kOverNoise = (X(kOverNoise, 1));    // events of a line over those of noise on it, at least
 const double kSlender = (X(kSlender, 12));        // length over scatter of a line, at least
-const double kFlat = (X(kFlat, 1.9));         // kurtosis: a normal distribution cut off has 2.5, an even one 1.8, two edges less
+constexpr double kMuchNoise = 30;      // events by chance since birth that a line must outdo by as many
+const double kFlat = (X(kFlat, 1.8));         // kurtosis: a normal distribution cut off has 2.5, an even one 1.8, two edges less
 const double kCutVariance = X(kTrunc, 0.774);  // variance of a normal distribution cut off at 2.5 sigma, over its own
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
 
@@ -131,9 +132,10 @@ void LineTracker::judge(LineTrack& track, Time now) {
     track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
     track.unlooked = 0;
     part(track, now);
-    if (evenness(track) < X(kEven, 0.75)) end(track, EndReason::kUneven);
+    if (evenness(track) < X(kEven, 0.7)) end(track, EndReason::kUneven);
     if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma)) end(track, EndReason::kShort);
   }
+  if (track.by_chance > kMuchNoise && track.support < track.by_chance) end(track, EndReason::kNoise);
   if (track.fresh_travel < 1.5) return;
   // Another edge may pass on one side; texture is on both.
   const double ring = 2 * std::min(track.left, track.right), near = track.core + ring;
@@ -169,7 +171,10 @@ void LineTracker::judge(LineTrack& track, Time now) {
 }
 void LineTracker::end(LineTrack& track, EndReason reason) {
   if (!track.alive) return;
+  constexpr double kYoung = 20;  // [px]
   track.alive = false;
+  track.refused = track.travel < kYoung && (reason == EndReason::kBent || reason == EndReason::kWide ||
+                                            reason == EndReason::kTwo || reason == EndReason::kUneven);
   ++ends_[static_cast<std::size_t>(reason)];
 }
 // A track gets known; where one ended of late, which would now lie here, it is that one.

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "idol/frontend/waviness.hpp"
+#include "idol/base/wide.hpp"
 #include "idol/frontend/exp.hpp"
 
 namespace idol {
@@ -13,6 +14,23 @@ constexpr std::ptrdiff_t kFewEvents = 6;  // of a line that is followed, in a wi
 constexpr double kWaveMemory = 0.7;  // of a segment's waviness from window to window
 constexpr std::size_t kFitEvents = 120;  // of a segment, spread evenly: more do not sharpen a fit
 
+// For each event from `first` to `end`: all bits set if it is nearer to the line than `gate` and beside it.
+IDOL_WIDE void mark_near(const WindowColumns& events, std::size_t first, std::size_t end,
+                         const MovingLine& line, float gate, std::int32_t* near) {
+  const auto dx = static_cast<float>(line.direction.x()), dy = static_cast<float>(line.direction.y());
+  const auto ox = static_cast<float>(line.origin.x()), oy = static_cast<float>(line.origin.y());
+  const auto middle = static_cast<float>(line.time);
+  const auto c0 = static_cast<float>(line.c[0]), c1 = static_cast<float>(line.c[1]);
+  const auto c2 = static_cast<float>(line.c[2]), c3 = static_cast<float>(line.c[3]);
+  const auto lo = static_cast<float>(line.u_min) - 1, hi = static_cast<float>(line.u_max) + 1;
+  for (std::size_t i = first; i < end; ++i) {
+    const float x = events.x[i] - ox, y = events.y[i] - oy, t = events.t[i] - middle;
+    const float u = dx * x + dy * y;
+    const float r = dx * y - dy * x - (c0 + c1 * u + (c2 + c3 * u) * t);
+    near[i] = (r < gate) & (r > -gate) & (u > lo) & (u < hi) ? -1 : 0;
+  }
+}
+
 // Of the last rate at or before the time.
 Vec3 rate_at(std::span<const CameraRate> rates, Time t) {
   const auto after = std::upper_bound(rates.begin(), rates.end(), t,
@@ -21,6 +39,18 @@ Vec3 rate_at(std::span<const CameraRate> rates, Time t) {
 }
 
 }  // namespace
+
+void WindowColumns::fill(const EventWindow& window, const UndistortMap& undistort) {
+  if (filled && x.size() == window.events.size()) return;
+  const std::size_t n = window.events.size();
+  x.resize(n), y.resize(n), t.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Event& e = window.events[i];
+    const Eigen::Vector2f& px = undistort(e.x, e.y);
+    x[i] = px.x(), y[i] = px.y(), t[i] = static_cast<float>(e.t - window.begin) * 1e-9F;
+  }
+  filled = true;
+}
 
 // Batches that later events could still join wait while the window is open.
 void TrackSegmenter::label(const EventWindow& window, std::span<const CameraRate> rates, bool open) {
@@ -82,6 +112,7 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
     if (line && !confirmed) out.tentative.push_back(std::move(s));
     return !line || !confirmed;
   });
+  columns_.filled = false;
   for (auto* segments : {&out.segments, &out.tentative})
     for (Segment& s : *segments) label_back(window, s, out.ids);
   for (auto [was, is] : tracker_.take_validated()) out.validated.emplace_back(was, tracker_.final_id(is));
@@ -140,30 +171,30 @@ void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
 }
 
 // Events from before the track's birth that lie where its line has come from: the ones that it was found by.
-void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids) const {
-  constexpr double kBack = 5, kLongest = 0.1;  // [px], [s]
+void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids) {
+  constexpr double kBack = 4, kLongest = 0.1;  // [px], [s]
   const Time born = tracker_.born(segment.id);
   if (born <= window.begin) return;
   const double speed = std::hypot(segment.line.c[2], 1.0);
   const Time from = std::max(window.begin, born - from_seconds(std::min(kLongest, kBack / speed)));
   const auto at = [&](Time t) {
-    return static_cast<std::uint32_t>(
+    return static_cast<std::size_t>(
         std::lower_bound(window.events.begin(), window.events.end(), t,
                          [](const Event& e, Time time) { return e.t < time; }) -
         window.events.begin());
   };
+  const std::size_t first = at(from), end = at(born);
+  if (first >= end) return;
+  columns_.fill(window, *undistort_);
   const double gate = std::max(1.3, 2.5 * segment.sigma_px);
-  const MovingLine line = segment.line.extrapolable();
+  near_.resize(columns_.x.size());
+  mark_near(columns_, first, end, segment.line.extrapolable(), static_cast<float>(gate), near_.data());
   const float polarity = tracker_.polarity(segment.id);
   std::vector<std::uint32_t> earlier;
-  for (std::uint32_t i = at(from), end = at(born); i < end; ++i) {
-    const Event& e = window.events[i];
-    if (ids[i] != kNoLine || (polarity != 0 && (polarity > 0) != e.polarity)) continue;
-    const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
-    const TimedPixel event(px.x(), px.y(), seconds_between(window.begin, e.t));
-    const double u = line.along(event);
-    if (u < line.u_min - 1 || u > line.u_max + 1 || std::abs(line.distance(event)) > gate) continue;
-    earlier.push_back(i);
+  for (std::size_t i = first; i < end; ++i) {
+    if (near_[i] == 0 || ids[i] != kNoLine || (polarity != 0 && (polarity > 0) != window.events[i].polarity))
+      continue;
+    earlier.push_back(static_cast<std::uint32_t>(i));
     if (segment.clear) ids[i] = segment.id;
   }
   const auto middle = static_cast<std::ptrdiff_t>(earlier.size());

@@ -12,6 +12,13 @@
 
 namespace idol {
 
+/// Events of a window as columns: undistorted [px], time since its begin [s].
+struct WindowColumns {
+  std::vector<float> x, y, t;
+  bool filled = false;
+  void fill(const EventWindow& window, const UndistortMap& undistort);
+};
+
 class TrackSegmenter : public Segmenter {
  public:
   TrackSegmenter(const SegmentOptions& options, const UndistortMap& undistort)
@@ -26,7 +33,7 @@ class TrackSegmenter : public Segmenter {
  private:
   void label(const EventWindow& window, std::span<const CameraRate> rates, bool open);
   void sort_by_track(SegmentedWindow& out) const;
-  void label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids) const;
+  void label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids);
   [[nodiscard]] std::optional<MovingLine> track_line(const EventWindow& window, LineId id) const;
   [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id);
@@ -40,6 +47,8 @@ class TrackSegmenter : public Segmenter {
   std::size_t labelled_ = 0;          // how many are
   std::unordered_map<LineId, Waviness> waviness_;
   std::vector<TimedPixel> points_;    // scratch
+  WindowColumns columns_;             // scratch
+  std::vector<std::int32_t> near_;    // scratch
   SegmenterCounts counts_;
   std::array<std::int64_t, 8> gates_{};
 };

@@ -183,9 +183,11 @@ void Odometry::start_when_known(bool last) {
 bool Odometry::image_moves() const {
   constexpr double kSpread = 0.4;  // of width and height
   ImageMotion motion(rig_.camera.width, rig_.camera.height);
+  // What is noise and what is a line is known after a while.
+  const Time known = held_.front()->window.begin + from_seconds(0.5 * options_.start.duration_s);
   return std::any_of(held_.begin(), held_.end(), [&](const auto& segmented) {
     motion.add(segmented->window, segmented->segments);
-    return motion.moves(kSpread);
+    return segmented->window.end > known && motion.moves(kSpread);
   });
 }
 
