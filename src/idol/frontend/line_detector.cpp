@@ -6,37 +6,45 @@
 #include <span>
 
 #include "idol/base/wide.hpp"
-#include "idol/frontend/exp.hpp"
 
 namespace idol {
 namespace {
 
-constexpr std::uint32_t kFirstTest = 12;  // new events in a cell before it is tested,
-constexpr std::uint32_t kLastTest = 96;   // and where it was in vain again and again
-const int kFewest = static_cast<int>(X(kFewest, 20));               // events on a line
-const float kMostBend = static_cast<float>(X(kMostBend, 0.04));  // of its length
+// New events in a cell before a fit is tried there: at first, after many in vain, and after a track that was
+// born there turned out to be no line.
+constexpr std::uint32_t kFirstTest = 12, kLastTest = 96, kAfterRefusal = 64;
+constexpr double kFadeEvery = 0.2;  // [s]: a quarter of the additional ones is forgotten
+
+// How far back to look: so many times the span of the cell's newest events, within limits [s]. An edge makes
+// some three events per pixel of its length and of its way, so that these are some pixels of motion.
+constexpr std::uint32_t kRecent = 16;
+constexpr float kSpans = 12, kLongestLook = 1.0F, kShortestLook = 0.002F;
+
+// A fit: its first gate, which widens to the edge's width, and the gate's limits [px].
 constexpr int kRounds = 7;
-constexpr float kFirstGate = 1.4F, kNarrowest = 0.3F, kPlace = 20;  // [px]
-const float kSignificant = static_cast<float>(X(kSignificant, 3.8));      // standard deviations by which its events are more than those beside
-const float kWidest = static_cast<float>(X(kWidest, 2.6));           // scatter of an edge's events across it, at most [px]
-const float kMostBeside = static_cast<float>(X(kMostBeside, 0.6));       // events beside the line, over those on it
-constexpr float kGate = 2.5F;             // standard deviations across the line that are on it
-constexpr float kTruncated = 0.911F;      // variance of a normal distribution cut off there, over its own
-constexpr float kLeastGate = 1.3F, kMostGate = 4.5F;  // [px]
-constexpr int kRecent = 16;               // events of the cell whose span says how far back to look,
-const float kSpans = static_cast<float>(X(kSpans, 12));              // in so many of these
-constexpr float kLongestLook = 1.0F, kShortestLook = 0.002F;  // [s]
-constexpr float kBin = 2;                 // pieces along a line in which its events are counted [px]
+constexpr float kFirstGate = 1.4F, kLeastGate = 1.3F, kMostGate = 4.5F;
+constexpr float kGate = 2.5F;          // standard deviations across the line that are on it
+constexpr float kTruncated = 0.911F;   // variance of a normal distribution cut off there, over its own
+constexpr float kNarrowest = 0.3F, kWidest = 2.6F;  // scatter of an edge's events across it [px]
+constexpr float kPlace = 20;           // width of the place that events would fill evenly if there were no line [px]
+
+// What makes a line.
+constexpr float kFewest = 20;          // events
+constexpr float kSlender = 4;          // length over scatter
+constexpr float kMostBeside = 0.6F;    // events beside it, on the emptier side, over half of those on it
+constexpr float kSignificant = 3.8F;   // standard deviations by which the events on it are more than by chance
+constexpr float kMostBend = 0.04F;     // offset of its middle from its ends, over its length
+constexpr float kBin = 2;              // pieces along it in which its events are counted [px]
 constexpr int kBins = 24;
-const float kSparse = static_cast<float>(X(kSparse, 0.25));          // of the usual count in a piece: where it falls below, the line ends
+constexpr float kSparse = 0.25F;       // of the median count of a piece: where it falls below, the line ends
 
 std::uint32_t to_us(Time t) { return static_cast<std::uint32_t>(t / 1000); }
 
-// n . x = d + v t.
-struct Sheet {
+// A moving line: n . x = d + v t, relative to the place and time of the newest event.
+struct MovedLine {
   float nx = 1, ny = 0, d = 0, v = 0;
-  float sigma = 0, along = 0;  // standard deviations across and along [px]
-  float n = 0, tt = 0;         // events, and their variance in time [s^2]
+  float sigma = 0;      // standard deviation of its events across it [px]
+  float n = 0, tt = 0;  // events, and their variance in time [s^2]
 };
 
 struct Moments {
@@ -46,7 +54,7 @@ struct Moments {
 // At a fixed time a moving line's events spread along it, and scatter across it: the covariance of (x, y)
 // given t has the line's normal as the axis of its least variance. This needs no scale between time and
 // space.
-bool solve(const Moments& m, Sheet& line) {
+bool solve(const Moments& m, MovedLine& line) {
   if (m.n < 6) return false;
   const float share = 1 / m.n, x = m.x * share, y = m.y * share, t = m.t * share;
   float xx = m.xx * share - x * x, yy = m.yy * share - y * y, xy = m.xy * share - x * y;
@@ -57,7 +65,6 @@ bool solve(const Moments& m, Sheet& line) {
   const float angle = 0.5F * std::atan2(2 * xy, xx - yy);  // of the line
   line.nx = -std::sin(angle), line.ny = std::cos(angle);
   line.sigma = std::sqrt(std::max(0.0F, mean - half));
-  line.along = std::sqrt(mean + half);
   line.v = (line.nx * xt + line.ny * yt) / tt;
   line.d = line.nx * x + line.ny * y - line.v * t;
   line.n = m.n, line.tt = tt;
@@ -78,7 +85,7 @@ struct LineDetector::Columns {
 namespace {
 
 // The moments of the events within the gate.
-IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::size_t n, const Sheet& line,
+IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::size_t n, const MovedLine& line,
                         float gate, Moments& out) {
   constexpr IntLanes kUpwards{0, 1, 2, 3, 4, 5, 6, 7};
   const float nx = line.nx, ny = line.ny, d = line.d, v = line.v;
@@ -120,7 +127,7 @@ void LineDetector::begin_batch(Time begin, double most, double min_length, doubl
   if (begin >= next_fade_) {
     for (auto& cells : cells_)
       for (Cell& cell : cells) cell.wanted = std::max(kFirstTest, cell.wanted - cell.wanted / 4);
-    next_fade_ = begin + from_seconds(0.2);
+    next_fade_ = begin + from_seconds(kFadeEvery);
   }
   seeds_.clear();
   stride_ = 1 + static_cast<std::int64_t>(static_cast<double>(candidates_) / std::max(1.0, most));
@@ -149,7 +156,7 @@ void LineDetector::discourage(const Eigen::Vector2d& px) {
   const int col = static_cast<int>(px.x()) / kCell, row = static_cast<int>(px.y()) / kCell;
   for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r)
     for (int c = std::max(0, col - 1); c <= std::min(cols_ - 1, col + 1); ++c)
-      for (int polarity : {0, 1}) cell(c, r, polarity).wanted = static_cast<std::uint32_t>(X(kDiscourage, 64));
+      for (int polarity : {0, 1}) cell(c, r, polarity).wanted = kAfterRefusal;
 }
 
 void LineDetector::gather(int col, int row, int polarity, std::uint32_t now, Columns& out) const {
@@ -157,7 +164,7 @@ void LineDetector::gather(int col, int row, int polarity, std::uint32_t now, Col
       {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}}};
   const Cell& mine = cell(col, row, polarity);
   const std::uint32_t last = mine.count - 1;
-  const std::uint32_t back = std::min<std::uint32_t>(mine.held() - 1, kRecent - 1);
+  const std::uint32_t back = std::min(mine.held() - 1, kRecent - 1);
   const Point& earlier = mine.points[(last - back) % kKept];
   const float look = std::clamp(kSpans * static_cast<float>(now - earlier.us) * 1e-6F *
                                     (static_cast<float>(kRecent) / static_cast<float>(back + 1)),
@@ -181,22 +188,22 @@ void LineDetector::gather(int col, int row, int polarity, std::uint32_t now, Col
 bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
   Columns columns;
   gather(col, row, polarity, to_us(newest.t), columns);
-  ++counts_.looked_at;
-  if (columns.n < static_cast<std::size_t>(kFewest)) {
+  ++counts_.fits;
+  if (static_cast<float>(columns.n) < kFewest) {
     ++counts_.few;
     return false;
   }
   using Span = std::array<std::size_t, 2>;
   // Starts: the newest events of the cell, all of them, those of it and its neighbours to either side, all.
-  Sheet best;
+  MovedLine best;
   float best_score = 0;
   const auto try_from = [&](std::span<const Span> ranges) {
     Moments moments;
-    const Sheet everywhere{1, 0, 0, 0};
+    const MovedLine everywhere{1, 0, 0, 0};
     for (const auto& [from, to] : ranges)
       if (to > from)
         add_near(&columns.x[from], &columns.y[from], &columns.t[from], to - from, everywhere, 1e6F, moments);
-    Sheet line;
+    MovedLine line;
     if (!solve(moments, line)) return;
     // From a narrow gate, which widens to the edge's width and no further: a second edge beside stays out.
     float gate = kFirstGate, before = 0;
@@ -225,7 +232,7 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
     return false;
   }
   if (best.sigma > kWidest) {
-    ++counts_.thick;
+    ++counts_.wide;
     return false;
   }
   // Where along the line are its events, and how many lie beside it?
@@ -262,7 +269,7 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
         to_right += right[static_cast<std::size_t>(k)];
   const int outside = 2 * std::min(to_left, to_right);  // another edge may pass on one side
   const float length = kBin * static_cast<float>(to - from + 1) - 1;
-  if (inside < kFewest) {
+  if (static_cast<float>(inside) < kFewest) {
     ++counts_.few;
     return false;
   }
@@ -277,8 +284,8 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
     ++counts_.texture;
     return false;
   }
-  if (length < static_cast<float>(min_length_) || length < 4 * best.sigma) {
-    ++counts_.shorts;
+  if (length < static_cast<float>(min_length_) || length < kSlender * best.sigma) {
+    ++counts_.brief;
     return false;
   }
   // Does it bend? The mean offset of its middle third against that of its outer ones; what their scatter makes
@@ -310,7 +317,7 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
   seed.length = length;
   seed.polarity = newest.polarity;
   seeds_.push_back(seed);
-  ++counts_.found;
+  ++counts_.seeds;
   // Its events make no second one.
   for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r)
     for (int c = std::max(0, col - 1); c <= std::min(cols_ - 1, col + 1); ++c) {

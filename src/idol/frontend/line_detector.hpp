@@ -25,15 +25,15 @@ struct LineSeed {
   bool polarity = false;           ///< of its events
 };
 
-/// What became of the events and of the places that were looked at.
+/// The fits that the detector has tried, and why most of them are no lines.
 struct DetectorCounts {
-  std::int64_t looked_at = 0;  ///< fits tried
-  std::int64_t few = 0;        ///< refused: too few events on one line
-  std::int64_t thick = 0;      ///< refused: too wide an edge
-  std::int64_t texture = 0;    ///< refused: as many events beside the line as on it
-  std::int64_t shorts = 0;     ///< refused: too short
-  std::int64_t bent = 0;       ///< refused: bent
-  std::int64_t found = 0;      ///< seeds
+  std::int64_t fits = 0;
+  std::int64_t few = 0;      ///< too few events on one line, or no more than noise makes by chance
+  std::int64_t wide = 0;     ///< an edge too wide
+  std::int64_t texture = 0;  ///< as many events beside the line as on it
+  std::int64_t bent = 0;
+  std::int64_t brief = 0;    ///< too short
+  std::int64_t seeds = 0;    ///< lines
 };
 
 class LineDetector {

@@ -1,5 +1,4 @@
 #include "idol/frontend/line_tracker.hpp"
-#include "idol/frontend/exp.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +15,7 @@ constexpr double kLongestWait = 0.02;  // mean age at which fewer do [s]
 constexpr double kNoiseLumps = 4;  // noise is expected in so many times its mean number: it comes in lumps
 constexpr double kMostByChance = 0.35;  // neighbours that noise may give to an event
 constexpr double kNoiseMemory = 0.2;    // [s]
+constexpr double kNoisePass = 0.3;      // share of noise that has support by chance, at most
 constexpr int kSupport = 4;             // events near in space and time that one needs, itself included
 
 // Room for the counts along the line and a little beyond its ends.
@@ -78,8 +78,8 @@ std::uint8_t LineTracker::hot_from() const {
 
 // Events this near are the line's own [px]: by its width, and by how well its place is known.
 double LineTracker::gate(const LineTrack& track) {
-  const double kSigmas = X(kGateSigmas, 2.0); constexpr double kLeast = 1.3, kMost = 4.5;
-  return std::clamp(kSigmas * std::sqrt(track.sigma * track.sigma + std::min(1.0, track.P(0, 0))), kLeast,
+  constexpr double kLeast = 1.3, kMost = 4.5;
+  return std::clamp(kGateSigmas * std::sqrt(track.sigma * track.sigma + std::min(1.0, track.P(0, 0))), kLeast,
                     kMost);
 }
 
@@ -179,14 +179,14 @@ void LineTracker::search(std::span<const Event> events, double duration) {
   const auto support = static_cast<std::uint32_t>(std::clamp(by_chance, 0.001, 0.05) * 1e6);
   const int h = undistort_->height();
   // Of noise alone, so many events come in this time in the area that is asked for support.
-  const double kNoiseShare = X(kNoiseShare, 0.3), kArea = 32;  // [px^2], of one polarity
+  constexpr double kNoiseShare = 0.3, kArea = 32;  // [px^2], of one polarity
   const auto within = static_cast<std::uint32_t>(
       1e6 * std::clamp(kNoiseShare * kSupport / (kArea * std::max(1e-3, background_)), 5e-4, 0.15));
   int alone = 0;
   detector_.begin_batch(
       events.front().t,
       options_.detect_rate * std::max(1e-3, seconds_between(events.front().t, events.back().t)),
-      options_.min_length_px, noise_known_s_ > kNoiseMemory / 2 ? X(kNoisePass, 0.3) * background_ : 0);
+      options_.min_length_px, noise_known_s_ > kNoiseMemory / 2 ? kNoisePass * background_ : 0);
   for (std::size_t k = 0; k < rest.size(); ++k) {
     const Event& e = events[rest[k]];
     const std::size_t pixel = static_cast<std::size_t>(e.y) * w + e.x;

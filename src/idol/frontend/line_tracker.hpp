@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -81,8 +82,27 @@ struct LineTrack {
 };
 
 /// Why a track ended.
-enum class EndReason { kQuiet, kFast, kShort, kSparse, kBeside, kBent, kWide, kTwo, kNoise, kUneven };
-constexpr std::size_t kEndReasons = 10;
+enum class EndReason {
+  kQuiet,   ///< no events of its own for long
+  kFast,    ///< faster than any edge
+  kBrief,   ///< too short, or hardly longer than wide
+  kSparse,  ///< too few events for its motion
+  kBeside,  ///< as many events to both sides as on it: texture
+  kBent,
+  kWide,    ///< its events fill the gate evenly
+  kDouble,  ///< two edges, not one
+  kNoise,   ///< no more events than noise
+  kUneven,  ///< events in few places along it: it lies across other lines
+};
+constexpr std::array<std::string_view, 10> kEndReasonNames{"quiet", "fast", "brief",  "sparse", "beside",
+                                                           "bent",  "wide", "double", "noise",  "uneven"};
+
+/// What the stages from a candidate to a line let through so far.
+struct TrackerCounts {
+  DetectorCounts detector;
+  std::int64_t born = 0, validated = 0;
+  std::array<std::int64_t, kEndReasonNames.size()> ended{};
+};
 
 class LineTracker {
  public:
@@ -121,10 +141,11 @@ class LineTracker {
   [[nodiscard]] std::int64_t hot() const { return hot_; }
   [[nodiscard]] std::int64_t unsupported() const { return unsupported_; }
   [[nodiscard]] std::int64_t thinned() const { return detector_.skipped(); }
-  [[nodiscard]] const DetectorCounts& detector() const { return detector_.counts(); }
-  [[nodiscard]] const std::array<std::int64_t, kEndReasons>& ends() const { return ends_; }
-  [[nodiscard]] std::int64_t born() const { return born_; }
-  [[nodiscard]] std::int64_t validated() const { return validated_; }
+  [[nodiscard]] TrackerCounts counts() const {
+    TrackerCounts out = counts_;
+    out.detector = detector_.counts();
+    return out;
+  }
   [[nodiscard]] Time born(LineId id) const { return known_.at(id).born; }
   /// Polarity that its events have by its motion at the time: 1, -1, or 0 where that is not known.
   [[nodiscard]] float polarity(LineId id) const { return known_.at(id).polarity; }
@@ -156,6 +177,7 @@ class LineTracker {
   /// Image velocity there, by the motion of all lines [px/s].
   [[nodiscard]] Eigen::Vector2d flow(const Eigen::Vector2d& px) const;
 
+  static constexpr double kGateSigmas = 2;        // standard deviations across a line that are its own
   static constexpr double kFastestScale = 0.001;  // [s/px]
   static constexpr double kMinDensity = 0.05;     // events per px of line and px of motion
 
@@ -194,8 +216,7 @@ class LineTracker {
   Time next_fade_ = 0, last_batch_ = 0;
   std::vector<std::pair<LineId, LineId>> newly_validated_;
   std::int64_t hot_ = 0, unsupported_ = 0;
-  std::array<std::int64_t, kEndReasons> ends_{};
-  std::int64_t born_ = 0, validated_ = 0;
+  TrackerCounts counts_;
   // Events of noise [1/(px s)]. From above: an estimate that is too low takes noise for neighbours and stays.
   double background_ = 30;
   double noise_known_s_ = 0;

@@ -6,33 +6,37 @@
 #include <optional>
 
 #include "idol/frontend/line_tracker.hpp"
-#include "idol/frontend/exp.hpp"
+#include "idol/frontend/moving_line.hpp"
 
 namespace idol {
 namespace {
 
 constexpr double kEndFade = 0.6;        // of the counts about the ends at each look
-const float kEndDensity = static_cast<float>(X(kEndDensity, 0.3));     // of the line's density: where it falls below, the line ends
-constexpr double kNoisy = 0.03;         // share of noise among a line's events that makes one look uncertain
-constexpr double kLostNear = 8;         // of its place then, at most [px]: lines get lost at sudden turns
-constexpr double kLostParallel = 0.96;  // cosine
+constexpr float kEndDensity = 0.3F;     // of the line's density: where it falls below, the line ends
 constexpr float kGapFade = 0.85F;       // of the counts along a line at each look
 constexpr float kGapEvents = 16;        // expected in two pixels, at least, before none there means a gap
-const float kGapDensity = static_cast<float>(X(kGapDensity, 0.06));    // of the line's, at most, in two pixels of a gap
+constexpr float kGapDensity = 0.06F;    // of the line's, at most, in two pixels of a gap
+constexpr double kLeastEven = 0.7;      // share of the pixels along a line that have their share of its events
+constexpr double kLostNear = 8;         // of its place then, at most [px]: lines get lost at sudden turns
+constexpr double kLostParallel = 0.96;  // cosine
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
-const double kConfirmTravel = (X(kConfirmTravel, 1.5));  // motion before a track gets known [px]
-const double kConfirmEvents = (X(kConfirmEvents, 35));   // and events
-constexpr double kFade = 0.6;         // of the statistics at each look
-const double kMinCore = (X(kMinCore, 0.7));      // share of near events among near and ring, else texture
-const double kSure = (X(kSure, 2));           // standard deviations of the noise
-constexpr double kFastest = 8000;     // [px/s]
-const double kUniform = (X(kUniform, 0.3));    // mean square distance over that of the gate, at most: evenly spread events have 1/3
-const double kOverNoise = (X(kOverNoise, 1));    // events of a line over those of noise on it, at least
-const double kSlender = (X(kSlender, 12));        // length over scatter of a line, at least
-constexpr double kMuchNoise = 30;      // events by chance since birth that a line must outdo by as many
-const double kFlat = (X(kFlat, 1.8));         // kurtosis: a normal distribution cut off has 2.5, an even one 1.8, two edges less
-const double kCutVariance = X(kTrunc, 0.774);  // variance of a normal distribution cut off at 2.5 sigma, over its own
+
+// A track is validated after so much motion [px] and so many events of its own.
+constexpr double kConfirmTravel = 1.5, kConfirmEvents = 35;
+constexpr double kLook = 1.5;           // motion between looks at a track's statistics [px],
+constexpr double kFade = 0.6;           // which fade by this at each
+constexpr double kFastest = 8000, kFastestTurn = 60;  // [px/s], of the slope [1/s]
+
+// Noise: its share among a line's events that makes one look uncertain, standard deviations of its number that
+// are sure, a line's events over it, and its number since birth that a line must outdo.
+constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
+
+// The shape across: share of near events among these and those beside (else texture); mean square distance
+// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off at
+// kGateSigmas has 2.4, an even one 1.8 and two edges less; the variance of the one cut off, over its own.
+constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8, kCutVariance = 0.774;
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
+constexpr double kSlender = 12;         // length over scatter of a line, at least
 
 // How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
 struct Extent {
@@ -121,7 +125,7 @@ void LineTracker::judge(LineTrack& track, Time now) {
   const double quiet = std::clamp(kQuietMotion / std::max(1e-3, speed), options_.max_quiet_s,
                                   std::max(options_.max_quiet_s, kLongestQuiet));
   if (seconds_between(track.last_event, now) > quiet) end(track, EndReason::kQuiet);
-  if (speed > kFastest || std::abs(track.x[3]) > 60) end(track, EndReason::kFast);
+  if (speed > kFastest || std::abs(track.x[3]) > kFastestTurn) end(track, EndReason::kFast);
   // Ends: by events, so that slow motion has time.
   if (track.unlooked > std::max(16.0, 0.8 * length)) {
     const auto density = static_cast<float>(track.all / length);
@@ -132,11 +136,11 @@ void LineTracker::judge(LineTrack& track, Time now) {
     track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
     track.unlooked = 0;
     part(track, now);
-    if (evenness(track) < X(kEven, 0.7)) end(track, EndReason::kUneven);
-    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma)) end(track, EndReason::kShort);
+    if (evenness(track) < kLeastEven) end(track, EndReason::kUneven);
+    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma)) end(track, EndReason::kBrief);
   }
   if (track.by_chance > kMuchNoise && track.support < track.by_chance) end(track, EndReason::kNoise);
-  if (track.fresh_travel < 1.5) return;
+  if (track.fresh_travel < kLook) return;
   // Another edge may pass on one side; texture is on both.
   const double ring = 2 * std::min(track.left, track.right), near = track.core + ring;
   if (track.core < kMinDensity * length * track.fresh_travel && track.fresh_travel > 3)
@@ -148,15 +152,14 @@ void LineTracker::judge(LineTrack& track, Time now) {
   double variance = (2 - LineClaims::kCoreGate) * track.noise;
   if (track.noise > kNoisy * near) variance += std::max(0.0, ring) + std::max(0.0, track.core) / 2;
   if (near > 30 && excess > kSure * std::sqrt(variance)) end(track, EndReason::kBeside);
-  // Sampling noise alone makes a bend of 3.35 sigma / sqrt(n).
   const double n = track.bow_n - track.noise;
   const double bow = n > 30 ? 7.5 * std::abs(track.bow) / n : 0;
-  const double straight = std::min(options_.max_bow_px, X(kBowShare, 0.04) * length) + 2 * 3.35 * track.sigma / std::sqrt(std::max(30.0, n));
+  const double straight = most_bow_px(options_.max_bow_px, length, track.sigma, std::max(30.0, n));
   if (n > 60 && bow > straight) end(track, EndReason::kBent);
   if (n > 30) {
     const double width = gate(track), square = track.spread / n;
     if (square > kUniform * width * width) end(track, EndReason::kWide);
-    if (n > 60 && track.fourth / n < kFlat * square * square) end(track, EndReason::kTwo);
+    if (n > 60 && track.fourth / n < kFlat * square * square) end(track, EndReason::kDouble);
     const double sigma = std::sqrt(std::max(0.0, square) / kCutVariance);
     track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, kMostSigma);
   }
@@ -174,13 +177,13 @@ void LineTracker::end(LineTrack& track, EndReason reason) {
   constexpr double kYoung = 20;  // [px]
   track.alive = false;
   track.refused = track.travel < kYoung && (reason == EndReason::kBent || reason == EndReason::kWide ||
-                                            reason == EndReason::kTwo || reason == EndReason::kUneven);
-  ++ends_[static_cast<std::size_t>(reason)];
+                                            reason == EndReason::kDouble || reason == EndReason::kUneven);
+  ++counts_.ended[static_cast<std::size_t>(reason)];
 }
 // A track gets known; where one ended of late, which would now lie here, it is that one.
 void LineTracker::confirm(LineTrack& track, Time now) {
   track.confirmed = true;
-  ++validated_;
+  ++counts_.validated;
   known_.at(track.id).confirmed = true;
   const double length = track.hi - track.lo;
   const LineId was = track.id;
@@ -268,7 +271,7 @@ void LineTracker::seed(const LineSeed& seed) {
     return;
   }
   track.id = next_id_++;
-  ++born_;
+  ++counts_.born;
   known_[track.id] = {kNoLine, false, track.normal, now, track.sigma, now};
   tracks_.push_back(track);
 }

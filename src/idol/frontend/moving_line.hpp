@@ -3,6 +3,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <vector>
@@ -39,6 +41,14 @@ struct MovingLine {
   }
   [[nodiscard]] double length_px() const { return u_max - u_min; }
 };
+
+/// How far a straight line of that length may seem to bend, by `events` that scatter by `sigma` across it:
+/// `max_bow_px`, or a share of the length where that is less, and what sampling alone makes of it: the
+/// sagitta's standard deviation is 3.35 sigma / sqrt(n) [px].
+inline double most_bow_px(double max_bow_px, double length, double sigma, double events) {
+  constexpr double kShare = 0.04;
+  return std::min(max_bow_px, kShare * length) + 2 * 3.35 * sigma / std::sqrt(events);
+}
 
 /// Least squares with the events beyond `gate_px` (or 2.5 sigma, if larger than half of the gate) left out,
 /// three rounds. `normal`: a first guess of the line's normal, to some 30 degrees. nullopt for fewer than 8

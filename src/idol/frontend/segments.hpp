@@ -4,7 +4,9 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -121,6 +123,20 @@ struct SegmenterCounts {
   void add(const EventWindow& window, std::span<const LineId> ids);
 };
 
+/// What the stages from candidates to reported segments let through so far, and the edges that were followed.
+struct StageCounts {
+  TrackerCounts tracker;
+  std::int64_t few_events = 0;    ///< segments of windows: too few events
+  std::int64_t not_straight = 0;  ///< no straight line fits their events
+  std::int64_t wavy = 0;          ///< their events waver about the line: no labels
+  std::int64_t tentative = 0;     ///< of tracks that were not validated yet
+  std::int64_t reported = 0;
+  double sigma_px = 0, speed_px_s = 0;  ///< means over the tracks followed
+
+  /// Which test refused most, and what the edges are like, in one clause.
+  [[nodiscard]] std::string explanation() const;
+};
+
 /// Those of `rates` (in time order) that lie in the window.
 std::span<const CameraRate> rates_over(std::span<const CameraRate> rates, const EventWindow& window);
 
@@ -136,6 +152,8 @@ class Segmenter {
   /// events at its end and the same rates as far as they are given. Changes no result, only when it is ready.
   virtual void prepare(const EventWindow& /*window*/, std::span<const CameraRate> /*rates*/) {}
   [[nodiscard]] virtual SegmenterCounts counts() const = 0;
+  /// nullopt for a segmenter that has no such stages.
+  [[nodiscard]] virtual std::optional<StageCounts> stages() const { return std::nullopt; }
 };
 
 /// The segmenter of `options.method`. `undistort` must outlive it.

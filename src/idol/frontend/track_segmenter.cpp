@@ -1,11 +1,11 @@
 #include "idol/frontend/track_segmenter.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "idol/frontend/waviness.hpp"
 #include "idol/base/wide.hpp"
-#include "idol/frontend/exp.hpp"
 
 namespace idol {
 namespace {
@@ -106,7 +106,10 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
       s.waviness_px = all.rms_px();
       s.clear = confirmed && s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
     }
-    ++gates_[!line && std::ssize(s.events) < options_.min_events ? 0 : !line ? 1 : !confirmed ? 3 : !s.clear ? 2 : 4];
+    ++(!line ? std::ssize(s.events) < options_.min_events ? stages_.few_events : stages_.not_straight
+       : !confirmed ? stages_.tentative
+       : s.clear    ? stages_.reported
+                    : stages_.wavy);
     if (!line || !s.clear)
       for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
     if (line && !confirmed) out.tentative.push_back(std::move(s));
@@ -117,6 +120,11 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
     for (Segment& s : *segments) label_back(window, s, out.ids);
   for (auto [was, is] : tracker_.take_validated()) out.validated.emplace_back(was, tracker_.final_id(is));
   counts_.add(window, out.ids);
+  for (const LineTrack& track : tracker_.tracks()) {
+    ++followed_;
+    stages_.sigma_px += (track.sigma - stages_.sigma_px) / followed_;
+    stages_.speed_px_s += (std::abs(track.x[2]) - stages_.speed_px_s) / followed_;
+  }
   tracker_.forget_before(window.begin);
   std::erase_if(waviness_, [&](const auto& entry) { return !tracker_.knows(entry.first); });
   return out;
@@ -127,6 +135,12 @@ SegmenterCounts TrackSegmenter::counts() const {
   out.hot = tracker_.hot();
   out.unsupported = tracker_.unsupported();
   out.thinned = tracker_.thinned();
+  return out;
+}
+
+std::optional<StageCounts> TrackSegmenter::stages() const {
+  StageCounts out = stages_;
+  out.tracker = tracker_.counts();
   return out;
 }
 
@@ -227,20 +241,11 @@ std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
   }
   const double sigma = tracker_.sigma_px(id);
   auto line = fit_moving_line(points_, tracker_.normal(id), std::max(options_.gate_px, 2.5 * sigma));
-  const double straight = std::min(options_.max_bow_px, X(kBowShare, 0.04) * (line ? line->length_px() : 0)) + 6.7 * sigma / std::sqrt(static_cast<double>(n));
   if (!line || line->length_px() < options_.track.min_length_px ||
-      line->rms_px > std::max(options_.max_rms_px, 1.4 * sigma) || line->bow_px > straight)
+      line->rms_px > std::max(options_.max_rms_px, 1.4 * sigma) || line->bow_px >
+          most_bow_px(options_.max_bow_px, line->length_px(), sigma, static_cast<double>(n)))
     return std::nullopt;
   return line;
 }
 
 }  // namespace idol
-
-namespace idol {
-void TrackSegmenter::print_counts(FILE* f) const {
-  const auto& d = tracker_.detector();
-  std::fprintf(f, "detector: looked %ld few %ld thick %ld texture %ld short %ld found %ld | born %ld validated %ld | ends quiet %ld fast %ld short %ld sparse %ld beside %ld bent %ld wide %ld two %ld noise %ld uneven %ld | segs few %ld nofit %ld wavy %ld tentative %ld good %ld | unsup %ld hot %ld thin %ld\n",
-    d.looked_at, d.few, d.thick, d.texture, d.shorts, d.found, tracker_.born(), tracker_.validated(), tracker_.ends()[0], tracker_.ends()[1], tracker_.ends()[2], tracker_.ends()[3], tracker_.ends()[4], tracker_.ends()[5], tracker_.ends()[6], tracker_.ends()[7], tracker_.ends()[8], tracker_.ends()[9],
-    gates_[0], gates_[1], gates_[2], gates_[3], gates_[4], tracker_.unsupported(), tracker_.hot(), tracker_.thinned());
-}
-}

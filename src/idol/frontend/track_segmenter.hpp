@@ -1,7 +1,6 @@
 // Segments from lines that are followed event by event.
 #pragma once
 
-#include <cstdio>
 #include <optional>
 #include <unordered_map>
 #include <vector>
@@ -27,9 +26,8 @@ class TrackSegmenter : public Segmenter {
   SegmentedWindow process(const EventWindow& window, std::span<const CameraRate> rates) override;
   void prepare(const EventWindow& window, std::span<const CameraRate> rates) override;
   [[nodiscard]] SegmenterCounts counts() const override;
+  [[nodiscard]] std::optional<StageCounts> stages() const override;
 
- void print_counts(FILE* f) const;
-  const LineTracker& tracker() const { return tracker_; }
  private:
   void label(const EventWindow& window, std::span<const CameraRate> rates, bool open);
   void sort_by_track(SegmentedWindow& out) const;
@@ -50,7 +48,8 @@ class TrackSegmenter : public Segmenter {
   WindowColumns columns_;             // scratch
   std::vector<std::int32_t> near_;    // scratch
   SegmenterCounts counts_;
-  std::array<std::int64_t, 8> gates_{};
+  StageCounts stages_;
+  double followed_ = 0;  // tracks by windows, of which the means are
 };
 
 }  // namespace idol

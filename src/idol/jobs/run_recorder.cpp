@@ -15,6 +15,30 @@
 namespace idol {
 namespace {
 
+nlohmann::json stages_json(const StageCounts& stages) {
+  const DetectorCounts& d = stages.tracker.detector;
+  nlohmann::json ended;
+  for (std::size_t k = 0; k < kEndReasonNames.size(); ++k)
+    ended[std::string(kEndReasonNames[k])] = stages.tracker.ended[k];
+  return {{"fits", d.fits},
+          {"fits_refused",
+           {{"few_events", d.few},
+            {"wide", d.wide},
+            {"texture", d.texture},
+            {"bent", d.bent},
+            {"brief", d.brief}}},
+          {"seeds", d.seeds},
+          {"tracks", {{"born", stages.tracker.born}, {"validated", stages.tracker.validated}, {"ended", ended}}},
+          {"segments",
+           {{"reported", stages.reported},
+            {"tentative", stages.tentative},
+            {"wavy", stages.wavy},
+            {"not_straight", stages.not_straight},
+            {"few_events", stages.few_events}}},
+          {"mean_sigma_px", stages.sigma_px},
+          {"mean_speed_px_s", stages.speed_px_s}};
+}
+
 constexpr std::size_t kMaxSnapshots = 12;
 constexpr int kPictureScale = 3;
 constexpr double kLongestWait = 1.5;  // [s]: then poses are published, good or not
@@ -253,6 +277,7 @@ std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& sum
   stats["front_end"] = {{"events", counts.events},           {"in_segments", counts.in_segments},
                         {"flicker", counts.flicker},         {"hot_pixels", counts.hot},
                         {"unsupported", counts.unsupported}, {"thinned", counts.thinned}};
+  if (const auto stages = odometry.front_end_stages()) stats["front_end"]["stages"] = stages_json(*stages);
   if (odometry.started()) {
     stats["time_shift_s"] = odometry.smoother().latest().time_shift;
     stats["event_lag_px"] = odometry.smoother().latest().event_lag_px;

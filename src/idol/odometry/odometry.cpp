@@ -420,12 +420,20 @@ std::optional<NavState> Odometry::predict_at(Time t) const {
 
 Diagnostics Odometry::diagnostics() const {
   Diagnostics all = diagnostics_;
-  if (const SegmenterCounts counts = segmenter_->counts(); counts.flicker > 0)
+  const SegmenterCounts counts = segmenter_->counts();
+  if (counts.flicker > 0)
     all.warn("flicker",
              fmt::format("the light flickers at {:.0f} Hz: {:.0f} % of the events were left out",
                          flicker_filter_->frequency_hz(),
                          100 * static_cast<double>(counts.flicker) / static_cast<double>(counts.events)),
              counts.flicker);
+  constexpr std::int64_t kEnough = 20000;  // events
+  constexpr double kFew = 0.1;             // share of them on lines
+  const double on_lines = static_cast<double>(counts.in_segments) /
+                          static_cast<double>(std::max<std::int64_t>(1, counts.events - counts.flicker));
+  if (const auto stages = segmenter_->stages(); stages && counts.events > kEnough && on_lines < kFew)
+    all.warn("few_lines", fmt::format("{:.0f} % of the events are on lines: {}", 100 * on_lines,
+                                      stages->explanation()));
   all.merge(backend_diagnostics_);
   all.merge(imu_.diagnostics());
   return all;

@@ -110,6 +110,8 @@ class Odometry {
   /// beyond the data.
   [[nodiscard]] std::optional<NavState> predict_at(Time t) const;
   [[nodiscard]] SegmenterCounts event_counts() const { return segmenter_->counts(); }
+  /// What each stage of the front-end let through so far; nullopt for clusters.
+  [[nodiscard]] std::optional<StageCounts> front_end_stages() const { return segmenter_->stages(); }
   /// All oddities met so far. After wait() or finish() only.
   [[nodiscard]] Diagnostics diagnostics() const;
 
