@@ -1,5 +1,5 @@
-// Events a second through the reader: text, plain and compressed, beside what the standard library would do, and the
-// binary formats.
+// Events a second through the reader: text, plain and compressed, beside what the standard library would do,
+// and the binary formats.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 #include <unistd.h>

@@ -17,7 +17,7 @@
 #include "idol/base/median.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/rig.hpp"
-#include "idol/frontend/delayed_labels.hpp"
+#include "idol/image/tracker/delayed_labels.hpp"
 #include "idol/odometry/presets.hpp"
 #include "true_lines.hpp"
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "idol/frontend/line_detector.hpp"
+#include "idol/image/tracker/line_detector.hpp"
 #include "idol/frontend/segments.hpp"
 
 namespace idol {

@@ -109,7 +109,8 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
   system.state_gradient[slot + 1].segment<3>(3) += w * to.transpose() * rows.turn;
 }
 
-// The mean of a thin edge's events is off by bin_sigma_px, whatever their number; that of a thick one by more.
+// The mean of a thin edge's events is off by bin_sigma_px, whatever their number; that of a thick one by
+// more.
 double FixedLag::widening(const LineBin& bin) {
   constexpr double kThin = 0.6;  // [px]
   return std::max(1.0, bin.scatter_px / kThin);

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "idol/frontend/cluster_segmenter.hpp"
-#include "idol/frontend/track_segmenter.hpp"
+#include "idol/image/tracker/track_segmenter.hpp"
 
 namespace idol {
 

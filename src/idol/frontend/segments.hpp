@@ -14,9 +14,9 @@
 #include "idol/base/camera.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/types.hpp"
-#include "idol/frontend/line_tracker.hpp"
 #include "idol/frontend/moving_line.hpp"
 #include "idol/frontend/windower.hpp"
+#include "idol/image/tracker/line_tracker.hpp"
 
 namespace idol {
 
@@ -78,7 +78,8 @@ struct SegmentOptions {
         "max_wave_px", self.max_wave_px, Range{0.01, 100},
         "a segment whose events waver more about its line is doubtful: the estimator uses it, but its events "
         "get no label (track) [px]");
-    visit("wave_share", self.wave_share, Range{0, 10}, "by so much of its events' scatter across it more (track)");
+    visit("wave_share", self.wave_share, Range{0, 10},
+          "by so much of its events' scatter across it more (track)");
     visit("min_inliers", self.min_inliers, Range{0, 1},
           "share of a cluster's events that must lie on the line");
     visit("memory_s", self.memory_s, Range{0, 10},

@@ -20,23 +20,24 @@ nlohmann::json stages_json(const StageCounts& stages) {
   nlohmann::json ended;
   for (std::size_t k = 0; k < kEndReasonNames.size(); ++k)
     ended[std::string(kEndReasonNames[k])] = stages.tracker.ended[k];
-  return {{"fits", d.fits},
-          {"fits_refused",
-           {{"few_events", d.few},
-            {"wide", d.wide},
-            {"texture", d.texture},
-            {"bent", d.bent},
-            {"brief", d.brief}}},
-          {"seeds", d.seeds},
-          {"tracks", {{"born", stages.tracker.born}, {"validated", stages.tracker.validated}, {"ended", ended}}},
-          {"segments",
-           {{"reported", stages.reported},
-            {"tentative", stages.tentative},
-            {"wavy", stages.wavy},
-            {"not_straight", stages.not_straight},
-            {"few_events", stages.few_events}}},
-          {"mean_sigma_px", stages.sigma_px},
-          {"mean_speed_px_s", stages.speed_px_s}};
+  return {
+      {"fits", d.fits},
+      {"fits_refused",
+       {{"few_events", d.few},
+        {"wide", d.wide},
+        {"texture", d.texture},
+        {"bent", d.bent},
+        {"brief", d.brief}}},
+      {"seeds", d.seeds},
+      {"tracks", {{"born", stages.tracker.born}, {"validated", stages.tracker.validated}, {"ended", ended}}},
+      {"segments",
+       {{"reported", stages.reported},
+        {"tentative", stages.tentative},
+        {"wavy", stages.wavy},
+        {"not_straight", stages.not_straight},
+        {"few_events", stages.few_events}}},
+      {"mean_sigma_px", stages.sigma_px},
+      {"mean_speed_px_s", stages.speed_px_s}};
 }
 
 constexpr std::size_t kMaxSnapshots = 12;

@@ -22,9 +22,9 @@ void ImageMotion::add(const EventWindow& window, const SegmentedWindow& segments
 }
 
 bool ImageMotion::moves(double spread) const {
-  constexpr double kMoved = 2;       // [px]: more than tremor and the fits' own errors
+  constexpr double kMoved = 2;        // [px]: more than tremor and the fits' own errors
   constexpr std::size_t kFewest = 3;  // lines
-  constexpr double kShare = 0.4;     // of the lines: those along the motion do not show it
+  constexpr double kShare = 0.4;      // of the lines: those along the motion do not show it
   std::vector<double> x, y;
   std::size_t lines = 0;
   for (const auto& [id, seen] : lines_) {

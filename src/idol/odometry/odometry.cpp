@@ -265,10 +265,9 @@ void Odometry::estimate(const Segmented& segmented) {
                [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });
   const std::int64_t noise = segmented.counts.hot + segmented.counts.unsupported;
   motion_.add(window, segments);
-  measurement.still =
-      rest_.update(window, motion_.moves(), noise - std::exchange(noise_events_, noise), inside,
-                   from.bias, options_.backend.gravity) &&
-      options_.backend.use_rest;
+  measurement.still = rest_.update(window, motion_.moves(), noise - std::exchange(noise_events_, noise),
+                                   inside, from.bias, options_.backend.gravity) &&
+                      options_.backend.use_rest;
   measurement.lines = observe(window, segments, *measurement.imu);
   if (options_.backend.method == BackendMethod::kFixedLag)
     for (int k = 0, n = bin_count(window); k < n; ++k)
@@ -432,8 +431,8 @@ Diagnostics Odometry::diagnostics() const {
   const double on_lines = static_cast<double>(counts.in_segments) /
                           static_cast<double>(std::max<std::int64_t>(1, counts.events - counts.flicker));
   if (const auto stages = segmenter_->stages(); stages && counts.events > kEnough && on_lines < kFew)
-    all.warn("few_lines", fmt::format("{:.0f} % of the events are on lines: {}", 100 * on_lines,
-                                      stages->explanation()));
+    all.warn("few_lines",
+             fmt::format("{:.0f} % of the events are on lines: {}", 100 * on_lines, stages->explanation()));
   all.merge(backend_diagnostics_);
   all.merge(imu_.diagnostics());
   return all;

@@ -11,7 +11,7 @@ namespace {
 // standard deviations of its windows. It begins with half of that on top of the last one's, or where nearly
 // all events are noise.
 constexpr double kMoreThanRest = 0.35, kSigmas = 5, kMostlyNoise = 0.7;
-constexpr int kRestWindows = 16;           // that tell what is usual at a rest
+constexpr int kRestWindows = 16;  // that tell what is usual at a rest
 // For how long a rest is quiet before it is believed [s], and in the dark: with fewer events than this share
 // of the last rest's, or than this [1/s].
 constexpr double kQuietFirst = 0.3, kQuietInTheDark = 2, kDarkShare = 0.5, kDarkRate = 500;

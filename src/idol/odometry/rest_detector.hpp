@@ -22,8 +22,8 @@ class RestDetector {
   void begin(bool still, Time known_until);
   /// For each window in turn: its events, whether the lines that they form have moved on (ImageMotion), how
   /// many of them are noise (of hot pixels, or of no line and without neighbours), the IMU data of its time.
-  bool update(const EventWindow& window, bool image_moves, std::int64_t noise,
-              std::span<const ImuSample> imu, const ImuBias& bias, double gravity);
+  bool update(const EventWindow& window, bool image_moves, std::int64_t noise, std::span<const ImuSample> imu,
+              const ImuBias& bias, double gravity);
 
  private:
   // Of some windows.
@@ -39,9 +39,9 @@ class RestDetector {
 
   bool resting_ = false, interrupted_ = false;  // by the last window
   Time known_until_ = 0;
-  Usual rest_;          // this one, or the last
-  Usual quiet_;         // what may become a rest,
-  double quiet_s_ = 0;  // for so long
+  Usual rest_;                                                     // this one, or the last
+  Usual quiet_;                                                    // what may become a rest,
+  double quiet_s_ = 0;                                             // for so long
   Vec3 rate_beside_ = Vec3::Zero(), force_beside_ = Vec3::Zero();  // of late, from those of this rest
 };
 

@@ -32,8 +32,8 @@ struct DetectorCounts {
   std::int64_t wide = 0;     ///< an edge too wide
   std::int64_t texture = 0;  ///< as many events beside the line as on it
   std::int64_t bent = 0;
-  std::int64_t brief = 0;    ///< too short
-  std::int64_t seeds = 0;    ///< lines
+  std::int64_t brief = 0;  ///< too short
+  std::int64_t seeds = 0;  ///< lines
 };
 
 class LineDetector {
@@ -52,9 +52,16 @@ class LineDetector {
   /// What the batch's events completed, until the next batch.
   [[nodiscard]] std::span<const LineSeed> end_batch() const { return seeds_; }
 
+  /// A moving line: n . x = d + v t, relative to the place and time of the newest event.
+  struct MovedLine {
+    float nx = 1, ny = 0, d = 0, v = 0;
+    float sigma = 0;      ///< standard deviation of its events across it [px]
+    float n = 0, tt = 0;  ///< events, and their variance in time [s^2]
+  };
+
  private:
-  static constexpr int kCell = 8;       // [px]
-  static constexpr int kKept = 64;      // events of a cell and polarity
+  static constexpr int kCell = 8;   // [px]
+  static constexpr int kKept = 64;  // events of a cell and polarity
   struct Point {
     float x, y;  // undistorted [px]
     std::uint32_t us;
@@ -66,11 +73,22 @@ class LineDetector {
     std::uint32_t wanted = 0;  // new ones before the next
     [[nodiscard]] std::uint32_t held() const { return count < kKept ? count : kKept; }
   };
-  // Events of a cell and its neighbours relative to the middle and the newest [px, s], the cell's own first.
+  // Events of a cell and its neighbours relative to the place and time of the newest [px, s], the cell's own
+  // first.
   struct Columns;
+  // A line's piece that its events fill.
+  struct Profile {
+    float middle = 0, length = 0;    // along the line [px]
+    int on = 0, beside = 0;          // events; twice those on the emptier side
+    float bend = 0, bend_sigma = 0;  // offset of its middle third from its outer ones [px]
+  };
 
   void gather(int col, int row, int polarity, std::uint32_t now, Columns& out) const;
+  [[nodiscard]] static MovedLine fit(const Columns& columns);
+  [[nodiscard]] static Profile profile(const Columns& columns, const MovedLine& line);
+  [[nodiscard]] bool is_line(const MovedLine& line, const Profile& profile);
   bool test(int col, int row, int polarity, const Event& newest);
+  static void remove(Cell& cell, const MovedLine& line, const Point& origin, std::uint32_t now);
   [[nodiscard]] Cell& cell(int col, int row, int polarity) {
     return cells_[static_cast<std::size_t>(polarity)][static_cast<std::size_t>(row * cols_ + col)];
   }

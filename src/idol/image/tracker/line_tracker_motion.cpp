@@ -4,13 +4,13 @@
 #include <cmath>
 
 #include "idol/base/median.hpp"
-#include "idol/frontend/line_tracker.hpp"
+#include "idol/image/tracker/line_tracker.hpp"
 
 namespace idol {
 namespace {
 
 constexpr double kSlowestScale = 0.1;  // [s/px]
-constexpr double kFlowSigma = 0.2;       // of a line's motion about the flow, over the usual speed
+constexpr double kFlowSigma = 0.2;     // of a line's motion about the flow, over the usual speed
 // Spectral density of the image acceleration over the square of the usual speed [1/s], and the least speed
 // [px/s]: motion may begin at any time.
 constexpr double kAcceleration = 10, kLeastUsual = 60;
@@ -93,7 +93,7 @@ void LineTracker::advance(LineTrack& track, Time t) const {
 void LineTracker::adapt_scale() {
   std::vector<double> speeds;
   for (const auto& t : tracks_)
-    if (t.confirmed || t.travel > 1) speeds.push_back(std::abs(t.x[2]));
+    if (t.validated || t.travel > 1) speeds.push_back(std::abs(t.x[2]));
   double turn = 0;
   if (omega_) {
     const Eigen::Vector2d centre(0.5 * undistort_->width(), 0.5 * undistort_->height());
@@ -125,7 +125,7 @@ void LineTracker::fit_flow() {
   Vec6 b = Vec6::Zero();
   const double sigma = kFlowSigma / std::max(c_, 1e-3);
   for (const LineTrack& t : tracks_) {
-    if (!t.confirmed) continue;
+    if (!t.validated) continue;
     const double off = t.x[2] - t.normal.dot(flow(t.centre));
     const double weight = 1 / (sigma * sigma + t.P(2, 2) + off * off);
     const Eigen::Vector2d at = 2.0 / undistort_->width() * t.centre -

@@ -23,7 +23,7 @@ struct ClaimingLine {
   float cx = 0, cy = 0, dx = 1, dy = 0, lo = 0, hi = 0;
   float rate = 0, turn = 0;  ///< of the offset and the slope [px/s, 1/s]
   float gate = 1.5F;         ///< events nearer are its own [px]
-  float wanted = 0;          ///< polarity expected: 1, -1, or 0 for any
+  float expected = 0;        ///< polarity expected: 1, -1, or 0 for any
   float* along = nullptr;    ///< events by pixels along the line, the first at `along_at`: added to
   float along_at = 0;
 
@@ -32,7 +32,7 @@ struct ClaimingLine {
   int n = 0;
   float u = 0, uu = 0, r = 0, ur = 0, t = 0, rr = 0, rrrr = 0, bow = 0;
   int core = 0, left = 0, right = 0;  ///< events near it, and farther out to either side
-  int contrast = 0;        ///< events of polarity on less those off
+  int contrast = 0;                   ///< events of polarity on less those off
   EndCounts at_lo = EndCounts::Zero(), at_hi = EndCounts::Zero();
   Time last = 0;  ///< newest event claimed
 };
@@ -41,10 +41,10 @@ class LineClaims {
  public:
   explicit LineClaims(const UndistortMap& undistort);
   /// Labels the events of a batch (time order) with the ids of `lines`, to which it adds what they say; those
-  /// without are in rest(). Events of pixels with `loneliness` of `hot` or more are left out: returns how
+  /// without are in rest(). Events of pixels with `isolated` of `hot` or more are left out: returns how
   /// many.
   std::size_t claim(std::span<const Event> events, Time middle, std::span<ClaimingLine> lines,
-                    std::span<const std::uint8_t> loneliness, std::uint8_t hot, LineId* labels);
+                    std::span<const std::uint8_t> isolated, std::uint8_t hot, LineId* labels);
   [[nodiscard]] std::span<const std::uint32_t> rest() const { return rest_; }
 
   static constexpr float kCoreGate = 0.67F;  ///< of the gate: near the line
@@ -62,7 +62,7 @@ class LineClaims {
   }
   void draw(std::uint16_t index, const ClaimingLine& line, float band);
   void sort_by_line(std::span<const Event> events, Time middle, std::size_t lines,
-                    std::span<const std::uint8_t> loneliness, std::uint8_t hot_from);
+                    std::span<const std::uint8_t> isolated, std::uint8_t hot_from);
   ClaimingLine* claim_contested(std::size_t at, const Cell& named, std::span<ClaimingLine> lines) const;
 
   std::size_t width_;

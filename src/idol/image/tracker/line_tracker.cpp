@@ -1,4 +1,4 @@
-#include "idol/frontend/line_tracker.hpp"
+#include "idol/image/tracker/line_tracker.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,7 +38,7 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
       undistort_(&undistort),
       claims_(undistort),
       detector_(undistort),
-      loneliness_(undistort.pixels()) {
+      isolated_(undistort.pixels()) {
   for (auto& last : last_) last.resize(undistort.pixels());
   recent_cols_ = undistort.width() / 4 + 2;
   const auto cells = static_cast<std::size_t>(recent_cols_ * (undistort.height() / 4 + 2));
@@ -73,7 +73,8 @@ void LineTracker::forget_before(Time t) {
 // From how many events without neighbours on, fading, a pixel is hot: one alone has some where noise is much.
 std::uint8_t LineTracker::hot_from() const {
   constexpr double kHot = 24, kTimesNoise = 3;
-  return static_cast<std::uint8_t>(std::min(250.0, kHot + (noise_known_s_ > kNoiseMemory ? kTimesNoise * background_ : 0)));
+  return static_cast<std::uint8_t>(
+      std::min(250.0, kHot + (noise_known_s_ > kNoiseMemory ? kTimesNoise * background_ : 0)));
 }
 
 // Events this near are the line's own [px]: by its width, and by how well its place is known.
@@ -102,7 +103,7 @@ ClaimingLine LineTracker::claiming(LineTrack& track) {
   line.gate = static_cast<float>(gate(track));
   cover(track);
   line.along = track.along.data(), line.along_at = static_cast<float>(track.along_at);
-  line.wanted = expected_polarity(track);
+  line.expected = expected_polarity(track);
   return line;
 }
 
@@ -115,7 +116,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     advance(track, middle);
     lines_.push_back(claiming(track));
   }
-  hot_ += static_cast<std::int64_t>(claims_.claim(events, middle, lines_, loneliness_, hot_from(), labels));
+  hot_ += static_cast<std::int64_t>(claims_.claim(events, middle, lines_, isolated_, hot_from(), labels));
 
   // A batch stands for the time since the one before; after a long pause, for as long as it was thought to
   // be.
@@ -123,25 +124,25 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
   last_batch_ = end;
   for (std::size_t k = 0; k < tracks_.size(); ++k) {
     correct(tracks_[k], lines_[k], background_ * duration, duration);
-    judge(tracks_[k], end);
+    assess(tracks_[k], end);
     Known& known = known_.at(tracks_[k].id);
     known.normal = tracks_[k].normal;
     known.last_event = tracks_[k].last_event;
     known.sigma = tracks_[k].sigma;
-    known.polarity = lines_[k].wanted;
+    known.polarity = lines_[k].expected;
   }
   for (const LineTrack& track : tracks_)
     if (!track.alive && track.refused) detector_.discourage(track.centre);
   for (LineTrack& track : tracks_)
-    if (!track.alive && track.confirmed) lost_.push_back(std::move(track));
+    if (!track.alive && track.validated) lost_.push_back(std::move(track));
   std::erase_if(lost_, [&](const LineTrack& t) { return seconds_between(t.last_event, end) > kLostMemory; });
   std::erase_if(tracks_, [](const LineTrack& t) { return !t.alive; });
-  std::move(parted_.begin(), parted_.end(), std::back_inserter(tracks_));
-  parted_.clear();
+  std::move(split_off_.begin(), split_off_.end(), std::back_inserter(tracks_));
+  split_off_.clear();
 
   search(events, duration);
   if (end >= next_fade_) {
-    for (std::uint8_t& count : loneliness_)
+    for (std::uint8_t& count : isolated_)
       count = static_cast<std::uint8_t>(count - count / 4 - (count > 0 ? 1 : 0));
     next_fade_ = end + from_seconds(0.25);
   }
@@ -149,7 +150,7 @@ void LineTracker::process(std::span<const Event> events, LineId* labels) {
     merge_lines(end);
     adapt_scale();
     fit_flow();
-    carry_lost(end);
+    propagate_lost(end);
     next_merge_ = end + from_seconds(0.01);
   }
 }
@@ -202,7 +203,7 @@ void LineTracker::search(std::span<const Event> events, double duration) {
     if (neighbours == 0) {
       ++alone;
       ++unsupported_;
-      if (loneliness_[pixel] < 255) ++loneliness_[pixel];
+      if (isolated_[pixel] < 255) ++isolated_[pixel];
       continue;
     }
     if (!supported && noise_known_s_ > kNoiseMemory / 2) {
@@ -228,7 +229,7 @@ void LineTracker::search(std::span<const Event> events, double duration) {
 // Two scalar measurements of one or more batches: mean distance of the near events, and tilt along the line.
 // `noise`: expected in the batch by chance [1/px], to be taken off all counts.
 void LineTracker::correct(LineTrack& track, const ClaimingLine& f, double noise, double duration) {
-  if (f.wanted != 0) noise /= 2;  // of one polarity
+  if (f.expected != 0) noise /= 2;  // of one polarity
   const double gate = LineTracker::gate(track), strip = noise * (track.hi - track.lo) * 2 * gate;
   const double beside = (1 - 0.5 * LineClaims::kCoreGate) * strip;
   track.core += f.core - LineClaims::kCoreGate * strip;

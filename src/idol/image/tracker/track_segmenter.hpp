@@ -5,9 +5,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "idol/frontend/line_tracker.hpp"
 #include "idol/frontend/segments.hpp"
-#include "idol/frontend/waviness.hpp"
+#include "idol/image/tracker/line_tracker.hpp"
+#include "idol/image/tracker/waviness.hpp"
 
 namespace idol {
 
@@ -44,9 +44,9 @@ class TrackSegmenter : public Segmenter {
   std::optional<Time> at_hand_;       // its begin, once its first events are labelled
   std::size_t labelled_ = 0;          // how many are
   std::unordered_map<LineId, Waviness> waviness_;
-  std::vector<TimedPixel> points_;    // scratch
-  WindowColumns columns_;             // scratch
-  std::vector<std::int32_t> near_;    // scratch
+  std::vector<TimedPixel> points_;  // scratch
+  WindowColumns columns_;           // scratch
+  std::vector<std::int32_t> near_;  // scratch
   SegmenterCounts counts_;
   StageCounts stages_;
   double followed_ = 0;  // tracks by windows, of which the means are

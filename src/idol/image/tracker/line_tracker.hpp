@@ -17,15 +17,14 @@
 #include "idol/base/camera.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/types.hpp"
-#include "idol/frontend/line_claims.hpp"
-#include "idol/frontend/line_detector.hpp"
+#include "idol/image/tracker/line_claims.hpp"
+#include "idol/image/tracker/line_detector.hpp"
 
 namespace idol {
 
 struct TrackOptions {
   double batch_s = 0.004;
   int batch_events = 4000;
-  double gate_px = 1.5;
   double min_length_px = 8;
   double max_bow_px = 0.8;
   double max_quiet_s = 0.3;
@@ -36,7 +35,6 @@ struct TrackOptions {
   static void fields(Self& self, Visitor&& visit) {
     visit("batch_s", self.batch_s, Range{1e-4, 0.1}, "lines are corrected this often [s]");
     visit("batch_events", self.batch_events, Range{10, 1e6}, "and after this many events");
-    visit("gate_px", self.gate_px, Range{0.3, 5}, "events this near to a predicted line are its own [px]");
     visit("min_length_px", self.min_length_px, Range{4, 1000}, "shortest line [px]");
     visit("max_bow_px", self.max_bow_px, Range{0.1, 10}, "a track that bends more is not a line [px]");
     visit("max_quiet_s", self.max_quiet_s, Range{0.01, 10},
@@ -58,12 +56,12 @@ struct LineTrack {
   Eigen::Matrix4d P = Eigen::Matrix4d::Identity();
   Time time = 0;  ///< of the state
   Time born = 0, last_event = 0;
-  double sigma = 0.6;        ///< scatter of its events across it [px]
-  bool confirmed = false;
+  double sigma = 0.6;  ///< scatter of its events across it [px]
+  bool validated = false;
   bool alive = true;
-  bool refused = false;  ///< ended young, as none
-  double travel = 0;        ///< motion since birth [px]
-  double fresh_travel = 0;  ///< since the last look at the statistics [px]
+  bool refused = false;               ///< ended young, as none
+  double travel = 0;                  ///< motion since birth [px]
+  double fresh_travel = 0;            ///< since the last look at the statistics [px]
   double support = 0, by_chance = 0;  ///< events claimed since birth, and those of noise among them
   double core = 0, left = 0, right = 0, contrast = 0, bow = 0, bow_n = 0, spread = 0, fourth = 0,
          noise = 0;  ///< fading sums over claimed events, and those expected by chance inside the gate
@@ -124,19 +122,22 @@ class LineTracker {
 
   /// Whether it may still be asked for.
   [[nodiscard]] bool knows(LineId id) const { return known_.contains(id); }
-  /// True if the track was ever confirmed.
-  [[nodiscard]] bool confirmed(LineId id) const { return known_.at(id).confirmed; }
+  /// True if the track was ever validated.
+  [[nodiscard]] bool validated(LineId id) const { return known_.at(id).validated; }
   /// Id that a track was merged into, or its own.
   [[nodiscard]] LineId final_id(LineId id) const;
   /// Normal of a track, dead or alive, as last seen.
   [[nodiscard]] const Eigen::Vector2d& normal(LineId id) const { return known_.at(id).normal; }
   /// A track as it is followed, if it is alive.
   [[nodiscard]] const LineTrack* find(LineId id) const {
-    const auto it = std::find_if(tracks_.begin(), tracks_.end(), [&](const LineTrack& t) { return t.id == id; });
+    const auto it =
+        std::find_if(tracks_.begin(), tracks_.end(), [&](const LineTrack& t) { return t.id == id; });
     return it == tracks_.end() ? nullptr : &*it;
   }
   /// Tracks that have been validated since the last call: their id until then, and from then on.
-  [[nodiscard]] std::vector<std::pair<LineId, LineId>> take_validated() { return std::exchange(newly_validated_, {}); }
+  [[nodiscard]] std::vector<std::pair<LineId, LineId>> take_validated() {
+    return std::exchange(newly_validated_, {});
+  }
   /// Events so far: of hot pixels, without a line and without support, left out of the search for new lines.
   [[nodiscard]] std::int64_t hot() const { return hot_; }
   [[nodiscard]] std::int64_t unsupported() const { return unsupported_; }
@@ -160,17 +161,17 @@ class LineTracker {
   void advance(LineTrack& track, Time t) const;
   [[nodiscard]] static ClaimingLine claiming(LineTrack& track);
   void correct(LineTrack& track, const ClaimingLine& sums, double noise, double duration);
-  void judge(LineTrack& track, Time now);
+  void assess(LineTrack& track, Time now);
   void end(LineTrack& track, EndReason reason);
   [[nodiscard]] static float expected_polarity(const LineTrack& track);
-  void part(LineTrack& track, Time now);
-  void confirm(LineTrack& track, Time now);
+  void split(LineTrack& track, Time now);
+  void promote(LineTrack& track, Time now);
   static double evenness(const LineTrack& track);
   static double move_end(EndCounts& counts, float density);
   void search(std::span<const Event> events, double duration);
   bool support_of(const Event& event, std::uint32_t us, std::uint32_t within);
   void seed(const LineSeed& seed);
-  void carry_lost(Time now);
+  void propagate_lost(Time now);
   void merge_lines(Time now);
   void adapt_scale();
   void fit_flow();
@@ -186,14 +187,14 @@ class LineTracker {
   LineClaims claims_;
   LineDetector detector_;
   std::vector<LineTrack> tracks_;
-  std::vector<ClaimingLine> lines_;  // the tracks, for the batch at hand
-  std::vector<LineTrack> parted_;    // pieces that the batch at hand has cut off
+  std::vector<ClaimingLine> lines_;   // the tracks, for the batch at hand
+  std::vector<LineTrack> split_off_;  // pieces that the batch at hand has cut off
   std::vector<LineTrack>
-      lost_;  // confirmed ones that ended of late, moved on: a new one there goes on as them
+      lost_;  // validated ones that ended of late, moved on: a new one there goes on as them
   // What is still asked of a track after its end.
   struct Known {
     LineId merged_into = kNoLine;
-    bool confirmed = false;
+    bool validated = false;
     Eigen::Vector2d normal = Eigen::Vector2d::UnitY();
     Time last_event = 0;
     double sigma = 0.6;
@@ -208,8 +209,8 @@ class LineTracker {
   // Affine image flow: of (1, x, y) from the image's middle in units of half its width [px/s].
   Eigen::Matrix<double, 2, 3> flow_ = Eigen::Matrix<double, 2, 3>::Zero();
   Time next_merge_ = 0;
-  std::vector<std::uint8_t> loneliness_;  // events without a neighbour's support, fading: many of a hot pixel
-  std::vector<std::uint32_t> last_[2];    // event of a pixel and polarity [us]
+  std::vector<std::uint8_t> isolated_;  // events without a neighbour's support, fading: many of a hot pixel
+  std::vector<std::uint32_t> last_[2];  // event of a pixel and polarity [us]
   std::vector<std::array<std::uint32_t, 4>> recent_[2];  // of a cell of 4 x 4 pixels and polarity [us]
   std::vector<std::uint8_t> turn_[2];                    // where its next goes
   int recent_cols_ = 0;

@@ -12,9 +12,9 @@
 
 namespace idol {
 
-/// How far a segment's events waver about its line: the mean square of the distances of pieces of it, those of
-/// one sixth of the line in one quarter of the window, without what the scatter of single events makes of it by
-/// chance. Below zero by chance where the line is straight: sums over windows are unbiased.
+/// How far a segment's events waver about its line: the mean square of the distances of pieces of it, those
+/// of one sixth of the line in one quarter of the window, without what the scatter of single events makes of
+/// it by chance. Below zero by chance where the line is straight: sums over windows are unbiased.
 struct Waviness {
   double squares = 0;  ///< [px^2], times `events`
   double events = 0;

@@ -1,4 +1,4 @@
-#include "idol/frontend/line_detector.hpp"
+#include "idol/image/tracker/line_detector.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -23,29 +23,23 @@ constexpr float kSpans = 12, kLongestLook = 1.0F, kShortestLook = 0.002F;
 // A fit: its first gate, which widens to the edge's width, and the gate's limits [px].
 constexpr int kRounds = 7;
 constexpr float kFirstGate = 1.4F, kLeastGate = 1.3F, kMostGate = 4.5F;
-constexpr float kGate = 2.5F;          // standard deviations across the line that are on it
-constexpr float kTruncated = 0.911F;   // variance of a normal distribution cut off there, over its own
+constexpr float kGate = 2.5F;         // standard deviations across the line that are on it
+constexpr float kTruncated = 0.911F;  // variance of a normal distribution cut off there, over its own
 constexpr float kNarrowest = 0.3F, kWidest = 2.6F;  // scatter of an edge's events across it [px]
-constexpr float kPlace = 20;           // width of the place that events would fill evenly if there were no line [px]
+constexpr float kPlace = 20;  // width of the place that events would fill evenly if there were no line [px]
 
 // What makes a line.
-constexpr float kFewest = 20;          // events
-constexpr float kSlender = 4;          // length over scatter
-constexpr float kMostBeside = 0.6F;    // events beside it, on the emptier side, over half of those on it
-constexpr float kSignificant = 3.8F;   // standard deviations by which the events on it are more than by chance
-constexpr float kMostBend = 0.04F;     // offset of its middle from its ends, over its length
-constexpr float kBin = 2;              // pieces along it in which its events are counted [px]
+constexpr float kFewest = 20;         // events
+constexpr float kSlender = 4;         // length over scatter
+constexpr float kMostBeside = 0.6F;   // events beside it, on the emptier side, over half of those on it
+constexpr float kSignificant = 3.8F;  // standard deviations by which the events on it are more than by chance
+constexpr float kMostBend = 0.04F;    // offset of its middle from its ends, over its length
+constexpr float kBendSigmas = 2.5F;   // and standard deviations that sampling makes of it
+constexpr float kBin = 2;             // pieces along it in which its events are counted [px]
 constexpr int kBins = 24;
-constexpr float kSparse = 0.25F;       // of the median count of a piece: where it falls below, the line ends
+constexpr float kSparse = 0.25F;  // of the median count of a piece: where it falls below, the line ends
 
 std::uint32_t to_us(Time t) { return static_cast<std::uint32_t>(t / 1000); }
-
-// A moving line: n . x = d + v t, relative to the place and time of the newest event.
-struct MovedLine {
-  float nx = 1, ny = 0, d = 0, v = 0;
-  float sigma = 0;      // standard deviation of its events across it [px]
-  float n = 0, tt = 0;  // events, and their variance in time [s^2]
-};
 
 struct Moments {
   float n = 0, x = 0, y = 0, t = 0, xx = 0, xy = 0, yy = 0, xt = 0, yt = 0, tt = 0;
@@ -54,7 +48,7 @@ struct Moments {
 // At a fixed time a moving line's events spread along it, and scatter across it: the covariance of (x, y)
 // given t has the line's normal as the axis of its least variance. This needs no scale between time and
 // space.
-bool solve(const Moments& m, MovedLine& line) {
+bool solve(const Moments& m, LineDetector::MovedLine& line) {
   if (m.n < 6) return false;
   const float share = 1 / m.n, x = m.x * share, y = m.y * share, t = m.t * share;
   float xx = m.xx * share - x * x, yy = m.yy * share - y * y, xy = m.xy * share - x * y;
@@ -85,8 +79,8 @@ struct LineDetector::Columns {
 namespace {
 
 // The moments of the events within the gate.
-IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::size_t n, const MovedLine& line,
-                        float gate, Moments& out) {
+IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::size_t n,
+                        const LineDetector::MovedLine& line, float gate, Moments& out) {
   constexpr IntLanes kUpwards{0, 1, 2, 3, 4, 5, 6, 7};
   const float nx = line.nx, ny = line.ny, d = line.d, v = line.v;
   const FloatLanes zero{};
@@ -96,8 +90,8 @@ IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::
     std::memcpy(&x, xs + from, kLaneBytes), std::memcpy(&y, ys + from, kLaneBytes);
     std::memcpy(&t, ts + from, kLaneBytes);
     const FloatLanes r = nx * x + ny * y - d - v * t;
-    const IntLanes in = (r < gate) & (r > -gate) & (kUpwards + static_cast<std::int32_t>(from) <
-                                                    static_cast<std::int32_t>(n));
+    const IntLanes in = (r < gate) & (r > -gate) &
+                        (kUpwards + static_cast<std::int32_t>(from) < static_cast<std::int32_t>(n));
     x = in ? x : zero, y = in ? y : zero, t = in ? t : zero;
     sn += in ? zero + 1 : zero;
     sx += x, sy += y, st += t, sxx += x * x, sxy += x * y, syy += y * y, sxt += x * t, syt += y * t;
@@ -185,27 +179,20 @@ void LineDetector::gather(int col, int row, int polarity, std::uint32_t now, Col
   out.starts[9] = out.n;
 }
 
-bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
-  Columns columns;
-  gather(col, row, polarity, to_us(newest.t), columns);
-  ++counts_.fits;
-  if (static_cast<float>(columns.n) < kFewest) {
-    ++counts_.few;
-    return false;
-  }
+// The best of some fits: from the newest events of the cell, all of them, those of it and of its neighbours
+// to either side. Each goes from a narrow gate, which widens to the edge's width and no further: a second
+// edge beside stays out.
+LineDetector::MovedLine LineDetector::fit(const Columns& columns) {
   using Span = std::array<std::size_t, 2>;
-  // Starts: the newest events of the cell, all of them, those of it and its neighbours to either side, all.
   MovedLine best;
   float best_score = 0;
-  const auto try_from = [&](std::span<const Span> ranges) {
+  const auto try_from = [&](std::span<const Span> spans) {
     Moments moments;
-    const MovedLine everywhere{1, 0, 0, 0};
-    for (const auto& [from, to] : ranges)
+    for (const auto& [from, to] : spans)
       if (to > from)
-        add_near(&columns.x[from], &columns.y[from], &columns.t[from], to - from, everywhere, 1e6F, moments);
+        add_near(&columns.x[from], &columns.y[from], &columns.t[from], to - from, MovedLine{}, 1e6F, moments);
     MovedLine line;
     if (!solve(moments, line)) return;
-    // From a narrow gate, which widens to the edge's width and no further: a second edge beside stays out.
     float gate = kFirstGate, before = 0;
     for (int round = 0; round < kRounds; ++round) {
       Moments near;
@@ -217,124 +204,130 @@ bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
     }
     if (line.n < kFewest) return;
     line.sigma = std::max(kNarrowest, line.sigma / std::sqrt(kTruncated));
-    // How much better a line explains its events than an even spread over the place does.
+    // By how much a normal distribution across the line explains its events better than an even one over the
+    // place does: sqrt(2 pi e) sigma is the width of an even one of the same entropy.
     const float score = line.n * std::log(kPlace / (4.13F * line.sigma));
     if (score > best_score) best_score = score, best = line;
   };
-  const auto& s = columns.starts;
-  const std::size_t own = s[1];
+  const auto& starts = columns.starts;
+  const std::size_t own = starts[1];
   try_from(std::array<Span, 1>{Span{0, std::min<std::size_t>(own, 24)}});
   try_from(std::array<Span, 1>{Span{0, own}});
-  try_from(std::array<Span, 1>{Span{0, s[3]}});
-  try_from(std::array<Span, 2>{Span{0, own}, Span{s[3], s[5]}});
-  if (best_score == 0) {
-    ++counts_.few;
-    return false;
-  }
-  if (best.sigma > kWidest) {
-    ++counts_.wide;
-    return false;
-  }
-  // Where along the line are its events, and how many lie beside it?
-  const float gate = gate_of(best.sigma), dx = best.ny, dy = -best.nx;
+  try_from(std::array<Span, 1>{Span{0, starts[3]}});
+  try_from(std::array<Span, 2>{Span{0, own}, Span{starts[3], starts[5]}});
+  return best;
+}
+
+// Where along the line its events are, and how many lie beside it there.
+LineDetector::Profile LineDetector::profile(const Columns& columns, const MovedLine& line) {
+  const float gate = gate_of(line.sigma), dx = line.ny, dy = -line.nx;
   std::array<int, kBins> on{}, left{}, right{};
   std::array<float, kBins> offsets{};
   for (std::size_t i = 0; i < columns.n; ++i) {
     const float u = dx * columns.x[i] + dy * columns.y[i];
-    const float r = best.nx * columns.x[i] + best.ny * columns.y[i] - best.d - best.v * columns.t[i];
-    const float off = std::abs(r);
-    const int at = static_cast<int>(std::floor(u / kBin)) + kBins / 2;
-    if (at < 0 || at >= kBins || off > 2 * gate) continue;
-    if (off < gate) offsets[static_cast<std::size_t>(at)] += r;
-    ++(off < gate ? on : r < 0 ? left : right)[static_cast<std::size_t>(at)];
+    const float r = line.nx * columns.x[i] + line.ny * columns.y[i] - line.d - line.v * columns.t[i];
+    const int bin = static_cast<int>(std::floor(u / kBin)) + kBins / 2;
+    if (bin < 0 || bin >= kBins || std::abs(r) > 2 * gate) continue;
+    const auto at = static_cast<std::size_t>(bin);
+    if (std::abs(r) < gate) offsets[at] += r;
+    ++(std::abs(r) < gate ? on : r < 0 ? left : right)[at];
   }
   // From the fullest piece to both sides.
-  const auto peak = std::max_element(on.begin(), on.end()) - on.begin();
-  std::array<int, kBins> sorted{};
-  std::size_t filled = 0;
-  for (const int n : on)
-    if (n > 0) sorted[filled++] = n;
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(filled / 2),
-                   sorted.begin() + static_cast<std::ptrdiff_t>(filled));
-  const float least = kSparse * static_cast<float>(sorted[filled / 2]);
+  std::array<int, kBins> filled{};
+  const auto end = std::copy_if(on.begin(), on.end(), filled.begin(), [](int n) { return n > 0; });
+  const auto median = filled.begin() + (end - filled.begin()) / 2;
+  std::nth_element(filled.begin(), median, end);
+  const float least = kSparse * static_cast<float>(*median);
   const auto full = [&](std::ptrdiff_t k) {
-    return k >= 0 && k < kBins && static_cast<float>(on[static_cast<std::size_t>(k)]) > least;
+    return k >= 0 && k<kBins&& static_cast<float>(on[static_cast<std::size_t>(k)])> least;
   };
-  std::ptrdiff_t from = peak, to = peak;
-  while (full(from - 1) || (full(from - 2))) --from;
-  while (full(to + 1) || (full(to + 2))) ++to;
-  int inside = 0, to_left = 0, to_right = 0;
-  for (std::ptrdiff_t k = from; k <= to; ++k)
-    inside += on[static_cast<std::size_t>(k)], to_left += left[static_cast<std::size_t>(k)],
-        to_right += right[static_cast<std::size_t>(k)];
-  const int outside = 2 * std::min(to_left, to_right);  // another edge may pass on one side
-  const float length = kBin * static_cast<float>(to - from + 1) - 1;
-  if (static_cast<float>(inside) < kFewest) {
-    ++counts_.few;
-    return false;
-  }
-  const auto more = static_cast<float>(inside - outside), sum = static_cast<float>(inside + outside);
-  // Noise of this polarity on the line, in the time that its events span.
-  const float by_chance = static_cast<float>(0.5 * noise_) * length * 2 * gate * std::sqrt(12 * best.tt);
-  if (static_cast<float>(inside) < 2 * by_chance + kSignificant * std::sqrt(by_chance)) {
-    ++counts_.few;
-    return false;
-  }
-  if (static_cast<float>(outside) > kMostBeside * static_cast<float>(inside) || more < kSignificant * std::sqrt(sum)) {
-    ++counts_.texture;
-    return false;
-  }
-  if (length < static_cast<float>(min_length_) || length < kSlender * best.sigma) {
-    ++counts_.brief;
-    return false;
-  }
-  // Does it bend? The mean offset of its middle third against that of its outer ones; what their scatter makes
-  // of it by chance is allowed for.
+  std::ptrdiff_t from = std::max_element(on.begin(), on.end()) - on.begin(), to = from;
+  while (full(from - 1) || full(from - 2)) --from;
+  while (full(to + 1) || full(to + 2)) ++to;
+  Profile out;
+  out.middle = kBin * (0.5F * static_cast<float>(from + to + 1) - kBins / 2);
+  out.length = kBin * static_cast<float>(to - from + 1) - 1;
+  int to_left = 0, to_right = 0;
   float middle_n = 0, middle_r = 0, outer_n = 0, outer_r = 0;
   for (std::ptrdiff_t k = from; k <= to; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    out.on += on[at], to_left += left[at], to_right += right[at];
     const bool outer = 3 * (k - from) < to - from || 3 * (to - k) < to - from;
-    (outer ? outer_n : middle_n) += static_cast<float>(on[static_cast<std::size_t>(k)]);
-    (outer ? outer_r : middle_r) += offsets[static_cast<std::size_t>(k)];
+    (outer ? outer_n : middle_n) += static_cast<float>(on[at]);
+    (outer ? outer_r : middle_r) += offsets[at];
   }
+  out.beside = 2 * std::min(to_left, to_right);  // another edge may pass on one side
   if (middle_n > 0 && outer_n > 0) {
-    const float bend = std::abs(middle_r / middle_n - outer_r / outer_n);
-    const float by_scatter = best.sigma * std::sqrt(1 / middle_n + 1 / outer_n);
-    if (bend > kMostBend * length + 2.5F * by_scatter) {
-      ++counts_.bent;
-      return false;
-    }
+    out.bend = std::abs(middle_r / middle_n - outer_r / outer_n);
+    out.bend_sigma = line.sigma * std::sqrt(1 / middle_n + 1 / outer_n);
   }
+  return out;
+}
+
+bool LineDetector::is_line(const MovedLine& line, const Profile& profile) {
+  const auto refused = [](std::int64_t& counter) {
+    ++counter;
+    return false;
+  };
+  if (line.n < kFewest) return refused(counts_.few);
+  if (line.sigma > kWidest) return refused(counts_.wide);
+  const auto on = static_cast<float>(profile.on), beside = static_cast<float>(profile.beside);
+  // Noise of this polarity on the line, in the time that its events span.
+  const float by_chance =
+      static_cast<float>(0.5 * noise_) * profile.length * 2 * gate_of(line.sigma) * std::sqrt(12 * line.tt);
+  if (on < kFewest || on < 2 * by_chance + kSignificant * std::sqrt(by_chance)) return refused(counts_.few);
+  if (beside > kMostBeside * on || on - beside < kSignificant * std::sqrt(on + beside))
+    return refused(counts_.texture);
+  if (profile.length < static_cast<float>(min_length_) || profile.length < kSlender * line.sigma)
+    return refused(counts_.brief);
+  // What the scatter of its events makes of a bend by chance is allowed for.
+  if (profile.bend > kMostBend * profile.length + kBendSigmas * profile.bend_sigma)
+    return refused(counts_.bent);
+  return true;
+}
+
+bool LineDetector::test(int col, int row, int polarity, const Event& newest) {
+  const std::uint32_t now = to_us(newest.t);
+  Columns columns;
+  gather(col, row, polarity, now, columns);
+  ++counts_.fits;
+  const MovedLine line = static_cast<float>(columns.n) < kFewest ? MovedLine{} : fit(columns);
+  const Profile along = line.n < kFewest ? Profile{} : profile(columns, line);
+  if (!is_line(line, along)) return false;
   const Cell& mine = cell(col, row, polarity);
-  const Point middle = mine.points[(mine.count - 1) % kKept];
-  const float u = kBin * (0.5F * static_cast<float>(from + to + 1) - kBins / 2);
+  const Point origin = mine.points[(mine.count - 1) % kKept];
   LineSeed seed;
   seed.time = newest.t;
-  seed.normal = Eigen::Vector2d(best.nx, best.ny);
-  seed.centre = Eigen::Vector2d(middle.x, middle.y) + u * Eigen::Vector2d(dx, dy) + best.d * seed.normal;
-  seed.speed = best.v;
-  seed.speed_sigma = best.sigma / std::sqrt(best.n * best.tt);
-  seed.sigma = best.sigma;
-  seed.length = length;
+  seed.normal = Eigen::Vector2d(line.nx, line.ny);
+  seed.centre = Eigen::Vector2d(origin.x, origin.y) + along.middle * Eigen::Vector2d(line.ny, -line.nx) +
+                line.d * seed.normal;
+  seed.speed = line.v;
+  seed.speed_sigma = line.sigma / std::sqrt(line.n * line.tt);
+  seed.sigma = line.sigma;
+  seed.length = along.length;
   seed.polarity = newest.polarity;
   seeds_.push_back(seed);
   ++counts_.seeds;
-  // Its events make no second one.
   for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r)
-    for (int c = std::max(0, col - 1); c <= std::min(cols_ - 1, col + 1); ++c) {
-      Cell& other = cell(c, r, polarity);
-      const std::uint32_t n = other.held(), first = other.count - n;
-      std::uint32_t kept = 0;
-      for (std::uint32_t i = 0; i < n; ++i) {
-        const Point p = other.points[(first + i) % kKept];
-        const float age = static_cast<float>(static_cast<std::int32_t>(to_us(newest.t) - p.us)) * 1e-6F;
-        const float off = best.nx * (p.x - middle.x) + best.ny * (p.y - middle.y) - best.d + best.v * age;
-        if (std::abs(off) < gate) continue;
-        other.points[(first + kept++) % kKept] = p;
-      }
-      other.count = first + kept;
-      other.tested = std::min(other.tested, other.count);
-    }
+    for (int c = std::max(0, col - 1); c <= std::min(cols_ - 1, col + 1); ++c)
+      remove(cell(c, r, polarity), line, origin, now);
   return true;
+}
+
+// The events of a line that was found make no second one.
+void LineDetector::remove(Cell& cell, const MovedLine& line, const Point& origin, std::uint32_t now) {
+  const float gate = gate_of(line.sigma);
+  const std::uint32_t n = cell.held(), first = cell.count - n;
+  std::uint32_t kept = 0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const Point p = cell.points[(first + i) % kKept];
+    const float age = static_cast<float>(static_cast<std::int32_t>(now - p.us)) * 1e-6F;
+    const float off = line.nx * (p.x - origin.x) + line.ny * (p.y - origin.y) - line.d + line.v * age;
+    if (std::abs(off) < gate) continue;
+    cell.points[(first + kept++) % kKept] = p;
+  }
+  cell.count = first + kept;
+  cell.tested = std::min(cell.tested, cell.count);
 }
 
 }  // namespace idol

@@ -1,4 +1,4 @@
-#include "idol/frontend/delayed_labels.hpp"
+#include "idol/image/tracker/delayed_labels.hpp"
 
 #include <algorithm>
 #include <utility>

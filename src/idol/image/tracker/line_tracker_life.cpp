@@ -5,38 +5,38 @@
 #include <numeric>
 #include <optional>
 
-#include "idol/frontend/line_tracker.hpp"
 #include "idol/frontend/moving_line.hpp"
+#include "idol/image/tracker/line_tracker.hpp"
 
 namespace idol {
 namespace {
 
-constexpr double kEndFade = 0.6;        // of the counts about the ends at each look
-constexpr float kEndDensity = 0.3F;     // of the line's density: where it falls below, the line ends
-constexpr float kGapFade = 0.85F;       // of the counts along a line at each look
-constexpr float kGapEvents = 16;        // expected in two pixels, at least, before none there means a gap
-constexpr float kGapDensity = 0.06F;    // of the line's, at most, in two pixels of a gap
-constexpr double kLeastEven = 0.7;      // share of the pixels along a line that have their share of its events
-constexpr double kLostNear = 8;         // of its place then, at most [px]: lines get lost at sudden turns
+constexpr double kEndFade = 0.6;      // of the counts about the ends at each look
+constexpr float kEndDensity = 0.3F;   // of the line's density: where it falls below, the line ends
+constexpr float kGapFade = 0.85F;     // of the counts along a line at each look
+constexpr float kGapEvents = 16;      // expected in two pixels, at least, before none there means a gap
+constexpr float kGapDensity = 0.06F;  // of the line's, at most, in two pixels of a gap
+constexpr double kLeastEven = 0.7;    // share of the pixels along a line that have their share of its events
+constexpr double kLostNear = 8;       // of its place then, at most [px]: lines get lost at sudden turns
 constexpr double kLostParallel = 0.96;  // cosine
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
 
 // A track is validated after so much motion [px] and so many events of its own.
-constexpr double kConfirmTravel = 1.5, kConfirmEvents = 35;
-constexpr double kLook = 1.5;           // motion between looks at a track's statistics [px],
-constexpr double kFade = 0.6;           // which fade by this at each
+constexpr double kValidTravel = 1.5, kValidEvents = 35;
+constexpr double kLook = 1.5;                         // motion between looks at a track's statistics [px],
+constexpr double kFade = 0.6;                         // which fade by this at each
 constexpr double kFastest = 8000, kFastestTurn = 60;  // [px/s], of the slope [1/s]
 
-// Noise: its share among a line's events that makes one look uncertain, standard deviations of its number that
-// are sure, a line's events over it, and its number since birth that a line must outdo.
+// Noise: its share among a line's events that makes one look uncertain, standard deviations of its number
+// that are sure, a line's events over it, and its number since birth that a line must outdo.
 constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
 
 // The shape across: share of near events among these and those beside (else texture); mean square distance
-// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off at
-// kGateSigmas has 2.4, an even one 1.8 and two edges less; the variance of the one cut off, over its own.
+// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off
+// at kGateSigmas has 2.4, an even one 1.8 and two edges less; the variance of the one cut off, over its own.
 constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8, kCutVariance = 0.774;
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
-constexpr double kSlender = 12;         // length over scatter of a line, at least
+constexpr double kSlender = 12;                         // length over scatter of a line, at least
 
 // How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
 struct Extent {
@@ -85,8 +85,8 @@ std::optional<std::pair<double, double>> find_gap(const LineTrack& track) {
 
 }  // namespace
 
-// Share of the pairs of pixels along the line that have their share of its events; 1 where there are too few to
-// tell. Edges fire all along; a track that lies across several has its events where it meets them.
+// Share of the pairs of pixels along the line that have their share of its events; 1 where there are too few
+// to tell. Edges fire all along; a track that lies across several has its events where it meets them.
 double LineTracker::evenness(const LineTrack& track) {
   constexpr float kEnough = 4, kShare = 0.35F;  // events in a pair; of the mean
   const auto at = [&](double u) { return static_cast<std::ptrdiff_t>(u - track.along_at); };
@@ -118,7 +118,7 @@ double LineTracker::move_end(EndCounts& counts, float density) {
   return moved;
 }
 // After each few pixels of motion: is it still a line, and where does it end?
-void LineTracker::judge(LineTrack& track, Time now) {
+void LineTracker::assess(LineTrack& track, Time now) {
   const double length = track.hi - track.lo, speed = std::abs(track.x[2]);
   // A line that hardly moves makes hardly any events.
   constexpr double kQuietMotion = 3, kLongestQuiet = 2;  // [px], [s]
@@ -135,9 +135,10 @@ void LineTracker::judge(LineTrack& track, Time now) {
     }
     track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
     track.unlooked = 0;
-    part(track, now);
+    split(track, now);
     if (evenness(track) < kLeastEven) end(track, EndReason::kUneven);
-    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma)) end(track, EndReason::kBrief);
+    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma))
+      end(track, EndReason::kBrief);
   }
   if (track.by_chance > kMuchNoise && track.support < track.by_chance) end(track, EndReason::kNoise);
   if (track.fresh_travel < kLook) return;
@@ -163,12 +164,13 @@ void LineTracker::judge(LineTrack& track, Time now) {
     const double sigma = std::sqrt(std::max(0.0, square) / kCutVariance);
     track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, kMostSigma);
   }
-  if (track.alive && !track.confirmed && track.travel > kConfirmTravel && track.support > kConfirmEvents + 5 * std::sqrt(track.by_chance) + track.by_chance &&
+  if (track.alive && !track.validated && track.travel > kValidTravel &&
+      track.support > kValidEvents + 5 * std::sqrt(track.by_chance) + track.by_chance &&
       length >= options_.min_length_px && length > kSlender * track.sigma && bow < straight) {
-    confirm(track, now);
+    promote(track, now);
   }
-  for (double* sum :
-       {&track.core, &track.left, &track.right, &track.contrast, &track.bow, &track.bow_n, &track.spread, &track.fourth, &track.noise})
+  for (double* sum : {&track.core, &track.left, &track.right, &track.contrast, &track.bow, &track.bow_n,
+                      &track.spread, &track.fourth, &track.noise})
     *sum *= kFade;
   track.fresh_travel *= kFade;
 }
@@ -181,10 +183,10 @@ void LineTracker::end(LineTrack& track, EndReason reason) {
   ++counts_.ended[static_cast<std::size_t>(reason)];
 }
 // A track gets known; where one ended of late, which would now lie here, it is that one.
-void LineTracker::confirm(LineTrack& track, Time now) {
-  track.confirmed = true;
+void LineTracker::promote(LineTrack& track, Time now) {
+  track.validated = true;
   ++counts_.validated;
-  known_.at(track.id).confirmed = true;
+  known_.at(track.id).validated = true;
   const double length = track.hi - track.lo;
   const LineId was = track.id;
   newly_validated_.emplace_back(was, was);
@@ -209,7 +211,7 @@ void LineTracker::confirm(LineTrack& track, Time now) {
   lost_.erase(found);
 }
 // At a gap inside, the longer piece goes on as this track, the other as a new one.
-void LineTracker::part(LineTrack& track, Time now) {
+void LineTracker::split(LineTrack& track, Time now) {
   const auto gap = find_gap(track);
   for (float& count : track.along) count *= kGapFade;
   if (!gap) return;
@@ -224,19 +226,19 @@ void LineTracker::part(LineTrack& track, Time now) {
     const double part = std::max(0.0, piece.hi - piece.lo) / length;
     cut.setZero();
     cut.head<kEndInside>() = static_cast<float>(piece.all / length);
-    for (double* sum : {&piece.core, &piece.left, &piece.right, &piece.contrast, &piece.bow, &piece.bow_n, &piece.spread,
-                        &piece.fourth, &piece.noise, &piece.all})
+    for (double* sum : {&piece.core, &piece.left, &piece.right, &piece.contrast, &piece.bow, &piece.bow_n,
+                        &piece.spread, &piece.fourth, &piece.noise, &piece.all})
       *sum *= part;
   };
   share(low, low.at_hi), share(high, high.at_lo);
   if (other.hi - other.lo < options_.min_length_px ||
-      std::ssize(tracks_) + std::ssize(parted_) >= options_.max_lines)
+      std::ssize(tracks_) + std::ssize(split_off_) >= options_.max_lines)
     return;
   other.id = next_id_++;
   other.waiting = {};
   other.born = now;
-  known_[other.id] = {kNoLine, other.confirmed, other.normal, other.last_event};
-  parted_.push_back(std::move(other));
+  known_[other.id] = {kNoLine, other.validated, other.normal, other.last_event};
+  split_off_.push_back(std::move(other));
 }
 
 void LineTracker::seed(const LineSeed& seed) {
@@ -249,7 +251,8 @@ void LineTracker::seed(const LineSeed& seed) {
   track.lo = -seed.length / 2, track.hi = seed.length / 2;
   track.x << 0, 0, seed.speed, 0;
   const double slope = 1.0 / seed.length, rate = 0.2 * std::abs(seed.speed) + 20;
-  track.P = Eigen::Vector4d(0.25, slope * slope, rate * rate + seed.speed_sigma * seed.speed_sigma, 4).asDiagonal();
+  track.P =
+      Eigen::Vector4d(0.25, slope * slope, rate * rate + seed.speed_sigma * seed.speed_sigma, 4).asDiagonal();
   track.sigma = std::clamp(seed.sigma, kLeastSigma, kMostSigma);
   track.time = track.born = track.last_event = now;
   // A line that is already followed here must not be followed twice.
@@ -266,7 +269,8 @@ void LineTracker::seed(const LineSeed& seed) {
       least = std::min(least, along), most = std::max(most, along);
     }
     if (expected_polarity(other) * (seed.polarity ? 1 : -1) < 0) continue;  // the other edge of a thin bar
-    if (worst > std::max(1.5, 1.3 * gate(other)) || least > other.hi - kOverlap || most < other.lo + kOverlap) continue;
+    if (worst > std::max(1.5, 1.3 * gate(other)) || least > other.hi - kOverlap || most < other.lo + kOverlap)
+      continue;
     other.lo = std::min(other.lo, least), other.hi = std::max(other.hi, most);
     return;
   }
@@ -276,7 +280,7 @@ void LineTracker::seed(const LineSeed& seed) {
   tracks_.push_back(track);
 }
 // Lines without events move as the others around them do.
-void LineTracker::carry_lost(Time now) {
+void LineTracker::propagate_lost(Time now) {
   for (LineTrack& lost : lost_) {
     advance(lost, now);
     const double half = std::max(1.0, 0.5 * (lost.hi - lost.lo));
@@ -299,14 +303,16 @@ void LineTracker::merge_lines(Time now) {
       const auto [worst, least, most] = extent_on(a, b);
       // By the direction of the longer one, which is known better.
       const double apart = b.hi - b.lo > a.hi - a.lo ? extent_on(b, a).worst : worst;
-      if (apart > std::max(1.2, 0.8 * std::min(a.sigma, b.sigma) + 0.8) || least > a.hi - kOverlap || most < a.lo + kOverlap) continue;
+      if (apart > std::max(1.2, 0.8 * std::min(a.sigma, b.sigma) + 0.8) || least > a.hi - kOverlap ||
+          most < a.lo + kOverlap)
+        continue;
       const double at = a.dir.dot(b.centre - a.centre);
       if (std::abs(a.x[2] + a.x[3] * at - same * b.x[2]) > 20 + 0.25 * std::abs(b.x[2])) continue;
       if (opposite(a, b)) continue;  // the two edges of a thin bar
       a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
       b.alive = false;
-      if (b.confirmed && !a.confirmed) {  // under the id that is known
-        a.confirmed = true;
+      if (b.validated && !a.validated) {  // under the id that is known
+        a.validated = true;
         std::swap(a.id, b.id);
       }
       known_.at(b.id).merged_into = a.id;

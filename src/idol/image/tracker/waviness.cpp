@@ -1,4 +1,4 @@
-#include "idol/frontend/waviness.hpp"
+#include "idol/image/tracker/waviness.hpp"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kMost = 360;  // events looked at, spread evenly
 constexpr int kPieces = 6, kSlices = 4;
-constexpr float kFew = 3;   // events that have no mean yet
+constexpr float kFew = 3;  // events that have no mean yet
 
 // Of each event: place and time from the line's origin and middle time [px, s]; then its distance from the
 // line [px] and the cell it is in, of pieces of the line and slices of the window.

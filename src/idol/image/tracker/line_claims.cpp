@@ -1,4 +1,4 @@
-#include "idol/frontend/line_claims.hpp"
+#include "idol/image/tracker/line_claims.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,11 +38,11 @@ IDOL_WIDE std::int32_t claim_own(const EventColumns& events, ClaimingLine& line,
   constexpr int kEnds = kEndInside + kEndOutside;
   const float cx = line.cx, cy = line.cy, dx = line.dx, dy = line.dy, rate = line.rate, turn = line.turn;
   const float lo = line.lo, hi = line.hi, middle = 0.5F * (lo + hi), per_half = 2 / std::max(1.0F, hi - lo);
-  const float along_at = line.along_at, wanted = line.wanted, gate = line.gate;
+  const float along_at = line.along_at, expected = line.expected, gate = line.gate;
   const float outer = 2 * gate, core_gate = LineClaims::kCoreGate * gate;
   float* const along = line.along;
   const FloatLanes zero{}, nowhere = zero + kEnds;
-  const IntLanes any = IntLanes{} - (wanted == 0 ? 1 : 0);
+  const IntLanes any = IntLanes{} - (expected == 0 ? 1 : 0);
   FloatLanes su{}, suu{}, sr{}, sur{}, st{}, srr{}, srrrr{}, bow{};
   IntLanes n{}, core{}, left{}, right{}, contrast{}, last = IntLanes{} - 1;
   std::array<int, kEnds + 1> at_lo{}, at_hi{};  // the last place is for all others
@@ -55,7 +55,7 @@ IDOL_WIDE std::int32_t claim_own(const EventColumns& events, ClaimingLine& line,
     const FloatLanes u = dx * x + dy * y;
     const FloatLanes r = dx * y - dy * x - (rate + turn * u) * t;
     const FloatLanes off = r < zero ? -r : r;
-    const IntLanes fits = any | (polarity == wanted), close = off < core_gate;
+    const IntLanes fits = any | (polarity == expected), close = off < core_gate;
     const IntLanes near = (index < static_cast<std::int32_t>(events.n)) & (off < outer);
     const IntLanes on = near & (u > lo - kOnMargin) & (u < hi + kOnMargin);
     const IntLanes own = on & (off < gate), good = own & fits;
@@ -66,7 +66,8 @@ IDOL_WIDE std::int32_t claim_own(const EventColumns& events, ClaimingLine& line,
     left -= on & fits & ~close & (r < zero), right -= on & fits & ~close & (r > zero);
     n -= good;
     const FloatLanes gu = good ? u : zero, gr = good ? r : zero, v = (u - middle) * per_half;
-    su += gu, suu += gu * u, sr += gr, sur += gr * u, srr += gr * r, srrrr += gr * gr * gr * r, st += good ? t : zero;
+    su += gu, suu += gu * u, sr += gr, sur += gr * u, srr += gr * r, srrrr += gr * gr * gr * r,
+        st += good ? t : zero;
     bow += gr * (1.5F * v * v - 0.5F);
     const IntLanes pixel = good & __builtin_convertvector(gu - along_at, IntLanes);
     const FloatLanes counted = good ? zero + 1 : zero;
@@ -124,8 +125,7 @@ LineClaims::LineClaims(const UndistortMap& undistort) : width_(static_cast<std::
 }
 
 std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::span<ClaimingLine> lines,
-                              std::span<const std::uint8_t> loneliness, std::uint8_t hot_from,
-                              LineId* labels) {
+                              std::span<const std::uint8_t> isolated, std::uint8_t hot_from, LineId* labels) {
   const auto half_span = static_cast<float>(
       std::max(seconds_between(events.front().t, middle), seconds_between(middle, events.back().t)));
   for (std::size_t k = 0; k < lines.size(); ++k) {
@@ -133,7 +133,7 @@ std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::s
     const float fastest = std::abs(line.rate) + std::abs(line.turn) * (line.hi - line.lo) / 2;
     draw(static_cast<std::uint16_t>(k + 1), line, 2 * line.gate + std::min(4.0F, fastest * half_span));
   }
-  sort_by_line(events, middle, lines.size(), loneliness, hot_from);
+  sort_by_line(events, middle, lines.size(), isolated, hot_from);
   std::fill_n(labels, events.size(), kNoLine);
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const std::size_t from = starts_[k + 1], n = starts_[k + 2] - from;
@@ -199,18 +199,18 @@ void LineClaims::draw(std::uint16_t index, const ClaimingLine& line, float band)
 }
 
 void LineClaims::sort_by_line(std::span<const Event> events, Time middle, std::size_t lines,
-                              std::span<const std::uint8_t> loneliness, std::uint8_t hot_from) {
+                              std::span<const std::uint8_t> isolated, std::uint8_t hot_from) {
   const auto contested = static_cast<std::uint16_t>(lines + 1), hot = static_cast<std::uint16_t>(lines + 2);
   kinds_.resize(events.size());
   starts_.assign(lines + 4, 0);
   for (std::size_t i = 0; i < events.size(); ++i) {
     const Event& soon = events[std::min(i + kFetchAhead, events.size() - 1)];
     __builtin_prefetch(&pixels_[pixel_of(soon)]);
-    __builtin_prefetch(&loneliness[pixel_of(soon)]);
+    __builtin_prefetch(&isolated[pixel_of(soon)]);
     const std::size_t pixel = pixel_of(events[i]);
     const Cell& named = cells_[pixels_[pixel].cell];
     std::uint16_t kind = named[1] != 0 ? contested : named[0];
-    kind = loneliness[pixel] >= hot_from ? hot : kind;
+    kind = isolated[pixel] >= hot_from ? hot : kind;
     kinds_[i] = kind;
     ++starts_[kind + 1];
   }
@@ -251,7 +251,7 @@ ClaimingLine* LineClaims::claim_contested(std::size_t at, const Cell& named,
     if (off >= 2) continue;
     const bool on = u > line.lo - kOnMargin && u < line.hi + kOnMargin;
     if (on && off < 1) line.contrast += polarity > 0 ? 1 : -1;
-    if (line.wanted != 0 && line.wanted != polarity) continue;
+    if (line.expected != 0 && line.expected != polarity) continue;
     near[count++] = {&line, u, r};
     if (on > best_on || (on == best_on && off < best)) {
       if (best_on) second = best;

@@ -1,18 +1,18 @@
-#include "idol/frontend/track_segmenter.hpp"
+#include "idol/image/tracker/track_segmenter.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "idol/frontend/waviness.hpp"
 #include "idol/base/wide.hpp"
+#include "idol/image/tracker/waviness.hpp"
 
 namespace idol {
 namespace {
 
 constexpr std::ptrdiff_t kFewEvents = 6;  // of a line that is followed, in a window
-constexpr double kWaveMemory = 0.7;  // of a segment's waviness from window to window
-constexpr std::size_t kFitEvents = 120;  // of a segment, spread evenly: more do not sharpen a fit
+constexpr double kWaveMemory = 0.7;       // of a segment's waviness from window to window
+constexpr std::size_t kFitEvents = 120;   // of a segment, spread evenly: more do not sharpen a fit
 
 // For each event from `first` to `end`: all bits set if it is nearer to the line than `gate` and beside it.
 IDOL_WIDE void mark_near(const WindowColumns& events, std::size_t first, std::size_t end,
@@ -90,7 +90,7 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
   out.c_s_per_px = tracker_.c_s_per_px();
   out.speed_px_s = 1 / out.c_s_per_px;
   std::erase_if(out.segments, [&](Segment& s) {
-    const bool confirmed = tracker_.confirmed(s.id);
+    const bool validated = tracker_.validated(s.id);
     std::optional<MovingLine> line;
     if (std::ssize(s.events) >= options_.min_events)
       line = fit_track(window, s.events, s.id);
@@ -104,16 +104,16 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
       all.squares = kWaveMemory * all.squares + now.squares;
       all.events = kWaveMemory * all.events + now.events;
       s.waviness_px = all.rms_px();
-      s.clear = confirmed && s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
+      s.clear = validated && s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
     }
-    ++(!line ? std::ssize(s.events) < options_.min_events ? stages_.few_events : stages_.not_straight
-       : !confirmed ? stages_.tentative
+    ++(!line        ? std::ssize(s.events) < options_.min_events ? stages_.few_events : stages_.not_straight
+       : !validated ? stages_.tentative
        : s.clear    ? stages_.reported
                     : stages_.wavy);
     if (!line || !s.clear)
       for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
-    if (line && !confirmed) out.tentative.push_back(std::move(s));
-    return !line || !confirmed;
+    if (line && !validated) out.tentative.push_back(std::move(s));
+    return !line || !validated;
   });
   columns_.filled = false;
   for (auto* segments : {&out.segments, &out.tentative})
@@ -192,10 +192,9 @@ void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, std
   const double speed = std::hypot(segment.line.c[2], 1.0);
   const Time from = std::max(window.begin, born - from_seconds(std::min(kLongest, kBack / speed)));
   const auto at = [&](Time t) {
-    return static_cast<std::size_t>(
-        std::lower_bound(window.events.begin(), window.events.end(), t,
-                         [](const Event& e, Time time) { return e.t < time; }) -
-        window.events.begin());
+    return static_cast<std::size_t>(std::lower_bound(window.events.begin(), window.events.end(), t,
+                                                     [](const Event& e, Time time) { return e.t < time; }) -
+                                    window.events.begin());
   };
   const std::size_t first = at(from), end = at(born);
   if (first >= end) return;
@@ -242,8 +241,8 @@ std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
   const double sigma = tracker_.sigma_px(id);
   auto line = fit_moving_line(points_, tracker_.normal(id), std::max(options_.gate_px, 2.5 * sigma));
   if (!line || line->length_px() < options_.track.min_length_px ||
-      line->rms_px > std::max(options_.max_rms_px, 1.4 * sigma) || line->bow_px >
-          most_bow_px(options_.max_bow_px, line->length_px(), sigma, static_cast<double>(n)))
+      line->rms_px > std::max(options_.max_rms_px, 1.4 * sigma) ||
+      line->bow_px > most_bow_px(options_.max_bow_px, line->length_px(), sigma, static_cast<double>(n)))
     return std::nullopt;
   return line;
 }
