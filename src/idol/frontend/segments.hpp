@@ -41,8 +41,8 @@ struct SegmentOptions {
   double gate_px = 2.0;
   double max_rms_px = 1;
   double max_bow_px = 0.8;
-  double max_wave_px = 0.1;
-  double wave_share = 0.12;
+  double max_wave_px = 0.12;
+  double wave_share = 0.15;
   double min_inliers = 0.7;
   double memory_s = 0.15;
 

@@ -14,8 +14,9 @@ void DelayedLabels::add(EventWindow window, SegmentedWindow segments) {
           std::find_if(tentative.begin(), tentative.end(), [&](const Segment& s) { return s.id == was; });
       if (it == tentative.end()) continue;
       it->id = is;
-      for (const std::uint32_t i : it->events)
-        if (held.segments.ids[i] == kNoLine) held.segments.ids[i] = is;
+      if (it->clear)
+        for (const std::uint32_t i : it->events)
+          if (held.segments.ids[i] == kNoLine) held.segments.ids[i] = is;
       held.segments.segments.push_back(std::move(*it));
       tentative.erase(it);
     }

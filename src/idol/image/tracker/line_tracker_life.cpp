@@ -2,6 +2,7 @@
 // before?
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <optional>
 
@@ -16,7 +17,7 @@ constexpr float kEndDensity = 0.3F;   // of the line's density: where it falls b
 constexpr float kGapFade = 0.85F;     // of the counts along a line at each look
 constexpr float kGapEvents = 16;      // expected in two pixels, at least, before none there means a gap
 constexpr float kGapDensity = 0.06F;  // of the line's, at most, in two pixels of a gap
-constexpr double kLeastEven = 0.7;    // share of the pixels along a line that have their share of its events
+constexpr double kLeastFilled = 0.7;    // share of the pixels along a line that have their share of its events
 constexpr double kLostNear = 8;       // of its place then, at most [px]: lines get lost at sudden turns
 constexpr double kLostParallel = 0.96;  // cosine
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
@@ -32,11 +33,18 @@ constexpr double kFastest = 8000, kFastestTurn = 60;  // [px/s], of the slope [1
 constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
 
 // The shape across: share of near events among these and those beside (else texture); mean square distance
-// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off
-// at kGateSigmas has 2.4, an even one 1.8 and two edges less; the variance of the one cut off, over its own.
-constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8, kCutVariance = 0.774;
+// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off at
+// kGateSigmas has 2.4, an even one 1.8 and two edges less.
+constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8;
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
-constexpr double kSlender = 12;                         // length over scatter of a line, at least
+constexpr double kLeastAspect = 12;                         // length over scatter of a line, at least
+
+// Variance of a normal distribution cut off at so many standard deviations, over its own.
+double cut_variance(double sigmas) {
+  const double inside = std::erf(sigmas / std::numbers::sqrt2);
+  const double density = std::exp(-sigmas * sigmas / 2) / std::sqrt(2 * std::numbers::pi);
+  return 1 - 2 * sigmas * density / inside;
+}
 
 // How far the ends of `b` are from the line of `a`, and from where to where along it `b` reaches [px].
 struct Extent {
@@ -136,8 +144,8 @@ void LineTracker::assess(LineTrack& track, Time now) {
     track.at_lo *= kEndFade, track.at_hi *= kEndFade, track.all *= kEndFade;
     track.unlooked = 0;
     split(track, now);
-    if (evenness(track) < kLeastEven) end(track, EndReason::kUneven);
-    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kSlender * track.sigma))
+    if (evenness(track) < kLeastFilled) end(track, EndReason::kUneven);
+    if (track.hi - track.lo < 0.7 * std::max(options_.min_length_px, kLeastAspect * track.sigma))
       end(track, EndReason::kBrief);
   }
   if (track.by_chance > kMuchNoise && track.support < track.by_chance) end(track, EndReason::kNoise);
@@ -161,12 +169,12 @@ void LineTracker::assess(LineTrack& track, Time now) {
     const double width = gate(track), square = track.spread / n;
     if (square > kUniform * width * width) end(track, EndReason::kWide);
     if (n > 60 && track.fourth / n < kFlat * square * square) end(track, EndReason::kDouble);
-    const double sigma = std::sqrt(std::max(0.0, square) / kCutVariance);
+    const double sigma = std::sqrt(std::max(0.0, square) / cut_variance(width / track.sigma));
     track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, kMostSigma);
   }
   if (track.alive && !track.validated && track.travel > kValidTravel &&
       track.support > kValidEvents + 5 * std::sqrt(track.by_chance) + track.by_chance &&
-      length >= options_.min_length_px && length > kSlender * track.sigma && bow < straight) {
+      length >= options_.min_length_px && length > kLeastAspect * track.sigma && bow < straight) {
     promote(track, now);
   }
   for (double* sum : {&track.core, &track.left, &track.right, &track.contrast, &track.bow, &track.bow_n,
@@ -311,10 +319,12 @@ void LineTracker::merge_lines(Time now) {
       if (opposite(a, b)) continue;  // the two edges of a thin bar
       a.lo = std::min(a.lo, least), a.hi = std::max(a.hi, most);
       b.alive = false;
+      const bool promoted = a.validated != b.validated;
       if (b.validated && !a.validated) {  // under the id that is known
         a.validated = true;
         std::swap(a.id, b.id);
       }
+      if (promoted) newly_validated_.emplace_back(b.id, a.id);
       known_.at(b.id).merged_into = a.id;
     }
   }

@@ -104,20 +104,20 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
       all.squares = kWaveMemory * all.squares + now.squares;
       all.events = kWaveMemory * all.events + now.events;
       s.waviness_px = all.rms_px();
-      s.clear = validated && s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
+      s.clear = s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
     }
     ++(!line        ? std::ssize(s.events) < options_.min_events ? stages_.few_events : stages_.not_straight
        : !validated ? stages_.tentative
        : s.clear    ? stages_.reported
                     : stages_.wavy);
-    if (!line || !s.clear)
+    if (!line || !validated || !s.clear)
       for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
     if (line && !validated) out.tentative.push_back(std::move(s));
     return !line || !validated;
   });
   columns_.filled = false;
-  for (auto* segments : {&out.segments, &out.tentative})
-    for (Segment& s : *segments) label_back(window, s, out.ids);
+  for (Segment& s : out.segments) label_back(window, s, s.clear, out.ids);
+  for (Segment& s : out.tentative) label_back(window, s, false, out.ids);
   for (auto [was, is] : tracker_.take_validated()) out.validated.emplace_back(was, tracker_.final_id(is));
   counts_.add(window, out.ids);
   for (const LineTrack& track : tracker_.tracks()) {
@@ -185,7 +185,8 @@ void TrackSegmenter::sort_by_track(SegmentedWindow& out) const {
 }
 
 // Events from before the track's birth that lie where its line has come from: the ones that it was found by.
-void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids) {
+void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, bool labelled,
+                                std::vector<LineId>& ids) {
   constexpr double kBack = 4, kLongest = 0.1;  // [px], [s]
   const Time born = tracker_.born(segment.id);
   if (born <= window.begin) return;
@@ -208,7 +209,7 @@ void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, std
     if (near_[i] == 0 || ids[i] != kNoLine || (polarity != 0 && (polarity > 0) != window.events[i].polarity))
       continue;
     earlier.push_back(static_cast<std::uint32_t>(i));
-    if (segment.clear) ids[i] = segment.id;
+    if (labelled) ids[i] = segment.id;
   }
   const auto middle = static_cast<std::ptrdiff_t>(earlier.size());
   segment.events.insert(segment.events.begin(), earlier.begin(), earlier.end());

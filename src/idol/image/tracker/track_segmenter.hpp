@@ -31,7 +31,7 @@ class TrackSegmenter : public Segmenter {
  private:
   void label(const EventWindow& window, std::span<const CameraRate> rates, bool open);
   void sort_by_track(SegmentedWindow& out) const;
-  void label_back(const EventWindow& window, Segment& segment, std::vector<LineId>& ids);
+  void label_back(const EventWindow& window, Segment& segment, bool labelled, std::vector<LineId>& ids);
   [[nodiscard]] std::optional<MovingLine> track_line(const EventWindow& window, LineId id) const;
   [[nodiscard]] std::optional<MovingLine> fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id);
