@@ -218,7 +218,7 @@ class Judge {
   // Fitted lines at their middle time against the true line of most of their events.
   void judge_fits(const EventWindow& window, const SegmentedWindow& segments) {
     for (const Segment& s : segments.segments) {
-      if (!s.clear) continue;
+      if (!s.straight) continue;
       const Time t = window.begin + from_seconds(s.line.time);
       const Vec2 a = s.line.point(s.line.u_min, s.line.time), b = s.line.point(s.line.u_max, s.line.time);
       const auto it = tracks_.find(s.id);

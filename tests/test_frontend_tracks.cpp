@@ -223,7 +223,7 @@ TEST(TrackSegments, AWavyEdgeIsFollowedButItsEventsAreNotLabelled) {
     std::size_t n = 0, clear = 0;
     for (const SegmentedWindow& window : run(events, 240, 180, 1000))
       for (const Segment& s : window.segments)
-        if (s.line.length_px() > 0.75 * kWave) n += 1, clear += s.clear ? 1 : 0;
+        if (s.line.length_px() > 0.75 * kWave) n += 1, clear += s.straight ? 1 : 0;
     return std::pair(n, clear);
   };
   const auto [straight_n, straight_clear] = found(moving(straight, 0.6));

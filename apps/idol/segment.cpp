@@ -102,7 +102,7 @@ class Pictures {
     const auto events = picture_events(window, segments, undistort_, at);
     std::vector<PictureLine> lines;
     for (const Segment& s : segments.segments)
-      if (s.clear)
+      if (s.straight)
         lines.push_back({s.line.point(s.line.u_min, middle), s.line.point(s.line.u_max, middle), s.id});
     write_png(folder_ / fmt::format("segments_{:03}_{}.png", count_++, format_stamp(window.begin)),
               draw_event_picture(undistort_.width(), undistort_.height(), events, lines, kScale));

@@ -20,7 +20,7 @@ struct LineObservation {
   std::vector<LineBin> bins;             ///< all of them, compressed (fixed lag)
   std::int64_t event_count = 0;          ///< all of them
   EventMeasurement end_a, end_b;         ///< its two ends at the middle of its events' time
-  bool tentative = false;                ///< may turn out to be no line (fixed lag)
+  bool candidate = false;                ///< may turn out to be no line (fixed lag)
 };
 
 struct WindowMeasurement {

@@ -76,7 +76,7 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   LineId id = seen.id;
   if (const auto it = alias_.find(id); it != alias_.end()) id = it->second;
   auto found = tracks_.find(id);
-  if (!seen.tentative && (found == tracks_.end() || !found->second.mapped)) {
+  if (!seen.candidate && (found == tracks_.end() || !found->second.mapped)) {
     if (const auto known = known_line(seen, window)) {
       alias_[seen.id] = *known;
       if (found != tracks_.end()) tracks_.erase(found);
@@ -86,7 +86,7 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   if (found == tracks_.end()) found = tracks_.try_emplace(id).first;
   Track& track = found->second;
   if (track.dead) return;
-  track.sure = track.sure || !seen.tentative;
+  track.sure = track.sure || !seen.candidate;
   if (track.windows == 0) track.first_window = window;
   if (track.windows == 0 || track.last_window != window) ++track.windows;
   track.last_window = window;

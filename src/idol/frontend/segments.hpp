@@ -93,7 +93,7 @@ struct Segment {
   LineId id = kNoLine;                ///< unique over the recording; kept from window to window
   std::vector<std::uint32_t> events;  ///< indices into the window's events, in time order
   MovingLine line;                    ///< its fitted line, time in s since the window's begin
-  bool clear = true;                  ///< false: likely texture that is nearly straight
+  bool straight = true;               ///< false: likely texture that is nearly straight
   double sigma_px = 0.6;              ///< scatter of its events across it
   double waviness_px = 0;
 };
@@ -104,8 +104,8 @@ struct SegmentedWindow {
   std::vector<Segment> segments;
   /// Of lines that have hardly moved yet: they may turn out to be none. If they are, their next segment is
   /// among `segments`.
-  std::vector<Segment> tentative;
-  /// Tracks that have turned out to be lines in this window: the id they had among the tentative ones, and
+  std::vector<Segment> candidates;
+  /// Tracks that have turned out to be lines in this window: the id they had among the candidates, and
   /// the one they have from now on.
   std::vector<std::pair<LineId, LineId>> validated;
   double c_s_per_px = 0;  ///< temporal scale used
@@ -130,7 +130,7 @@ struct StageCounts {
   std::int64_t few_events = 0;    ///< segments of windows: too few events
   std::int64_t not_straight = 0;  ///< no straight line fits their events
   std::int64_t wavy = 0;          ///< their events waver about the line: no labels
-  std::int64_t tentative = 0;     ///< of tracks that were not validated yet
+  std::int64_t candidates = 0;    ///< of tracks that were not validated yet
   std::int64_t reported = 0;
   double sigma_px = 0, speed_px_s = 0;  ///< means over the tracks followed
 

@@ -32,7 +32,7 @@ nlohmann::json stages_json(const StageCounts& stages) {
       {"tracks", {{"born", stages.tracker.born}, {"validated", stages.tracker.validated}, {"ended", ended}}},
       {"segments",
        {{"reported", stages.reported},
-        {"tentative", stages.tentative},
+        {"candidates", stages.candidates},
         {"wavy", stages.wavy},
         {"not_straight", stages.not_straight},
         {"few_events", stages.few_events}}},

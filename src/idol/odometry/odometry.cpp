@@ -307,7 +307,7 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
   chosen.resize(std::min(chosen.size(), most));
   const std::size_t sure = chosen.size();
   if (options_.backend.method == BackendMethod::kFixedLag)
-    for (const auto& segment : segments.tentative)
+    for (const auto& segment : segments.candidates)
       if (chosen.size() < most) chosen.push_back(&segment);
 
   std::vector<LineObservation> out;
@@ -322,7 +322,7 @@ std::vector<LineObservation> Odometry::observe(const EventWindow& window, const 
     if (count < 2) continue;
     LineObservation observation;
     observation.id = segment->id;
-    observation.tentative = k >= sure;
+    observation.candidate = k >= sure;
     observation.event_count = static_cast<std::int64_t>(count);
     const std::span own_events(own, segment->events.end());
     if (options_.backend.method == BackendMethod::kFixedLag)

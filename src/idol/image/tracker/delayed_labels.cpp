@@ -9,23 +9,23 @@ void DelayedLabels::add(EventWindow window, SegmentedWindow segments) {
   held_.push_back({std::move(window), std::move(segments)});
   for (const auto& [was, is] : held_.back().segments.validated)
     for (LabelledWindow& held : held_) {
-      auto& tentative = held.segments.tentative;
+      auto& candidates = held.segments.candidates;
       const auto it =
-          std::find_if(tentative.begin(), tentative.end(), [&](const Segment& s) { return s.id == was; });
-      if (it == tentative.end()) continue;
+          std::find_if(candidates.begin(), candidates.end(), [&](const Segment& s) { return s.id == was; });
+      if (it == candidates.end()) continue;
       it->id = is;
-      if (it->clear)
+      if (it->straight)
         for (const std::uint32_t i : it->events)
           if (held.segments.ids[i] == kNoLine) held.segments.ids[i] = is;
       held.segments.segments.push_back(std::move(*it));
-      tentative.erase(it);
+      candidates.erase(it);
     }
 }
 
 std::optional<LabelledWindow> DelayedLabels::pop() {
   if (held_.empty()) return std::nullopt;
   const LabelledWindow& oldest = held_.front();
-  if (!oldest.segments.tentative.empty() &&
+  if (!oldest.segments.candidates.empty() &&
       seconds_between(oldest.window.end, held_.back().window.end) < longest_s_)
     return std::nullopt;
   return flush();

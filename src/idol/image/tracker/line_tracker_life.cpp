@@ -17,7 +17,7 @@ constexpr float kEndDensity = 0.3F;   // of the line's density: where it falls b
 constexpr float kGapFade = 0.85F;     // of the counts along a line at each look
 constexpr float kGapEvents = 16;      // expected in two pixels, at least, before none there means a gap
 constexpr float kGapDensity = 0.06F;  // of the line's, at most, in two pixels of a gap
-constexpr double kLeastFilled = 0.7;    // share of the pixels along a line that have their share of its events
+constexpr double kLeastFilled = 0.7;  // share of the pixels along a line that have their share of its events
 constexpr double kLostNear = 8;       // of its place then, at most [px]: lines get lost at sudden turns
 constexpr double kLostParallel = 0.96;  // cosine
 constexpr double kOverlap = 1;  // of two tracks of one line, at least: its pieces grow until they meet [px]
@@ -33,11 +33,11 @@ constexpr double kFastest = 8000, kFastestTurn = 60;  // [px/s], of the slope [1
 constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
 
 // The shape across: share of near events among these and those beside (else texture); mean square distance
-// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off at
-// kGateSigmas has 2.4, an even one 1.8 and two edges less.
+// over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off
+// at kGateSigmas has 2.4, an even one 1.8 and two edges less.
 constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8;
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
-constexpr double kLeastAspect = 12;                         // length over scatter of a line, at least
+constexpr double kLeastAspect = 12;                     // length over scatter of a line, at least
 
 // Variance of a normal distribution cut off at so many standard deviations, over its own.
 double cut_variance(double sigmas) {

@@ -104,20 +104,20 @@ SegmentedWindow TrackSegmenter::process(const EventWindow& window, std::span<con
       all.squares = kWaveMemory * all.squares + now.squares;
       all.events = kWaveMemory * all.events + now.events;
       s.waviness_px = all.rms_px();
-      s.clear = s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
+      s.straight = s.waviness_px <= options_.max_wave_px + options_.wave_share * s.sigma_px;
     }
     ++(!line        ? std::ssize(s.events) < options_.min_events ? stages_.few_events : stages_.not_straight
-       : !validated ? stages_.tentative
-       : s.clear    ? stages_.reported
+       : !validated ? stages_.candidates
+       : s.straight ? stages_.reported
                     : stages_.wavy);
-    if (!line || !validated || !s.clear)
+    if (!line || !validated || !s.straight)
       for (const std::uint32_t i : s.events) out.ids[i] = kNoLine;
-    if (line && !validated) out.tentative.push_back(std::move(s));
+    if (line && !validated) out.candidates.push_back(std::move(s));
     return !line || !validated;
   });
   columns_.filled = false;
-  for (Segment& s : out.segments) label_back(window, s, s.clear, out.ids);
-  for (Segment& s : out.tentative) label_back(window, s, false, out.ids);
+  for (Segment& s : out.segments) label_back(window, s, s.straight, out.ids);
+  for (Segment& s : out.candidates) label_back(window, s, false, out.ids);
   for (auto [was, is] : tracker_.take_validated()) out.validated.emplace_back(was, tracker_.final_id(is));
   counts_.add(window, out.ids);
   for (const LineTrack& track : tracker_.tracks()) {
