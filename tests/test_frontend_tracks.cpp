@@ -1,13 +1,11 @@
 // Segment method `track`: synthetic moving edges, noise, and inputs that no camera should send.
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <numbers>
 #include <random>
 #include <set>
 
-#include "idol/image/tracker/line_detector.hpp"
 #include "idol/frontend/segments.hpp"
 
 namespace idol {
@@ -51,15 +49,19 @@ void add_noise(std::vector<Event>& events, double hz, double seconds, std::mt199
   sort(events);
 }
 
-// A vertical edge 80 px long that moves to the right at `speed` px/s, and noise of `noise_hz` a pixel.
-std::vector<Event> edge(double speed, double seconds, double noise_hz) {
+// A vertical edge 80 px long that moves to the right at `speed` px/s, and noise of `noise_hz` a pixel. Its
+// events scatter by `scatter` px beside those of a perfect sensor, where each comes while the edge is in its
+// pixel.
+std::vector<Event> edge(double speed, double seconds, double noise_hz, double scatter = 0) {
   std::mt19937 rng(3);
   std::uniform_real_distribution<double> unit(0, 1);
+  std::normal_distribution<double> normal(0, 1);
   std::vector<Event> events;
   for (int x = 30; x < 30 + static_cast<int>(speed * seconds); ++x)
     for (int y = 40; y < 120; ++y)
       for (int k = 0; k < 2; ++k)
-        events.push_back({from_seconds((x - 30 + unit(rng) * 0.8) / speed), static_cast<std::uint16_t>(x),
+        events.push_back({from_seconds((x - 30 + unit(rng) * 0.8) / speed),
+                          static_cast<std::uint16_t>(x + std::lround(scatter * normal(rng))),
                           static_cast<std::uint16_t>(y), true});
   add_noise(events, noise_hz, seconds, rng);
   return events;
@@ -234,45 +236,6 @@ TEST(TrackSegments, AWavyEdgeIsFollowedButItsEventsAreNotLabelled) {
   EXPECT_GE(wavy_n, 8U);
   EXPECT_EQ(wavy_clear, 0U);
   EXPECT_LT(share_labelled(moving(wavy, 0.6)), 0.3);
-}
-
-// Against the covariance of the very points, one by one.
-TEST(PatchPlane, AgreesWithTheBruteForceCovariance) {
-  constexpr int kReach = Patch::kReach, kWidth = 2 * kReach + 2;
-  constexpr std::uint32_t kNow = 1'000'000, kSpan = 50'000;
-  constexpr float kPerUs = 1e-4F;
-  std::mt19937 rng(7);
-  std::uniform_real_distribution<double> unit(-1, 1);
-  for (int trial = 0; trial < 500; ++trial) {
-    std::array<std::uint32_t, kWidth * kWidth> stamps{};
-    std::vector<Eigen::Vector3d> points;
-    const double slope_x = 8000 * unit(rng), slope_y = 8000 * unit(rng);
-    for (int y = -kReach; y <= kReach; ++y) {
-      std::uint32_t* row = &stamps[static_cast<std::size_t>((y + kReach) * kWidth)];
-      for (int x = -kReach; x <= kReach; ++x) {
-        const double age = slope_x * x + slope_y * y + 1500 * unit(rng);
-        if (unit(rng) < -0.4) continue;
-        row[x + kReach] = kNow - static_cast<std::uint32_t>(std::lround(std::max(0.0, 15'000 + age)));
-        const std::uint32_t rounded = kNow - row[x + kReach];
-        if (rounded <= kSpan) points.emplace_back(x, y, -kPerUs * rounded);
-      }
-    }
-    const Patch patch(&stamps[kReach * kWidth + kReach], kWidth, kNow, kSpan, kPerUs);
-    ASSERT_EQ(patch.count(), std::ssize(points));
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const auto& p : points) mean += p / static_cast<double>(points.size());
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    for (const auto& p : points)
-      covariance += (p - mean) * (p - mean).transpose() / static_cast<double>(points.size());
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
-    PatchPlane plane;
-    fit_planes({&patch, 1}, {&plane, 1});
-    EXPECT_NEAR(plane.planarity, 1 - eigen.eigenvalues()[0] / eigen.eigenvalues()[1], 1e-4);
-    // Where two eigenvalues are nearly one, the normal is any direction between.
-    if (plane.planarity < 0.05) continue;
-    const Eigen::Vector3d normal = plane.normal.cast<double>();
-    EXPECT_LT(normal.cross(eigen.eigenvectors().col(0)).norm(), 1e-4);
-  }
 }
 
 // An edge that turns back at once: what its events cannot tell soon enough, the gyro does.
