@@ -56,10 +56,11 @@ bool RestDetector::update(const EventWindow& window, bool image_moves, std::int6
   if (rest_.windows == 0) expected << bias.gyro, gravity + force.norm() - (force - bias.accel).norm();
 
   if (resting_) {
-    resting_ = !image_moves && !imu_moves(rate, force, duration) &&
-               (window.end <= known_until_ || events <= rest_.events + margin(duration));
+    const bool moves = imu_moves(rate, force, duration) || image_moves;
+    resting_ = !moves && (window.end <= known_until_ || events <= rest_.events + margin(duration));
     if (resting_ && rest_.windows < kRestWindows) rest_.add(events, readings, force);
-    interrupted_ = !image_moves;
+    interrupted_ = !moves;
+    if (!resting_) rate_beside_ = force_beside_ = Vec3::Zero();
     quiet_s_ = 0;
     return resting_;
   }

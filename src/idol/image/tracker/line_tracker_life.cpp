@@ -35,7 +35,7 @@ constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
 // The shape across: share of near events among these and those beside (else texture); mean square distance
 // over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off
 // at kGateSigmas has 2.4, an even one 1.8 and two edges less.
-constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8;
+constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8, kFuller = 0.2;
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
 constexpr double kLeastAspect = 12;                     // length over scatter of a line, at least
 
@@ -168,7 +168,10 @@ void LineTracker::assess(LineTrack& track, Time now) {
   if (n > 30) {
     const double width = gate(track), square = track.spread / n;
     if (square > kUniform * width * width) end(track, EndReason::kWide);
-    if (n > 60 && track.fourth / n < kFlat * square * square) end(track, EndReason::kDouble);
+    // Only where they fill the gate more than a normal distribution does: what pixels make of a sharp edge is
+    // even.
+    if (n > 60 && square > kFuller * width * width && track.fourth / n < kFlat * square * square)
+      end(track, EndReason::kDouble);
     const double sigma = std::sqrt(std::max(0.0, square) / cut_variance(width / track.sigma));
     track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, kMostSigma);
   }
