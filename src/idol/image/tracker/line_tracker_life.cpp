@@ -34,7 +34,8 @@ constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
 
 // The shape across: share of near events among these and those beside (else texture); mean square distance
 // over that of the gate, where evenly spread events have 1/3; kurtosis, where a normal distribution cut off
-// at kGateSigmas has 2.4, an even one 1.8 and two edges less.
+// at kGateSigmas has 2.4, an even one 1.8 and two edges less, asked for where the mean square distance is
+// more than kFuller of the gate's.
 constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8, kFuller = 0.2;
 constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
 constexpr double kLeastAspect = 12;                     // length over scatter of a line, at least
