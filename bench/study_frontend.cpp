@@ -159,6 +159,7 @@ class Judge {
     constexpr std::array<double, 9> kTrails{0, 3e-4, 7e-4, 1.2e-3, 2e-3, 3e-3, 4.5e-3, 6.5e-3, 9e-3};  // [s]
     constexpr std::size_t kSlots = 60, kInSlot = 200;
     std::int64_t most = -1;
+    double best = 0;
     for (const double trail : kTrails) {
       truth_.set_trail(trail);
       std::int64_t on = 0;
@@ -173,12 +174,11 @@ class Judge {
           on += nearest < 1 ? 1 : 0;
         }
       }
-      if (on > most) most = on, trail_s_ = trail;
+      if (on > most) most = on, best = trail;
     }
-    truth_.set_trail(trail_s_);
+    truth_.set_trail(best);
     slot_ = -1;
   }
-  [[nodiscard]] double trail_s() const { return trail_s_; }
 
  private:
   void judge_event(const Event& e, LineId id) {
@@ -267,7 +267,6 @@ class Judge {
   }
 
   TrueLines truth_;
-  double trail_s_ = 0;
   UndistortMap undistort_;
   Lookup lookup_;
   Time slot_ = -1, next_view_ = 0;

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "arguments.hpp"
@@ -171,8 +172,9 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
     write_labels(writer, labelled.window, labelled.segments, left_out);
     pictures.add(labelled.window, labelled.segments);
   };
-  const auto process = [&](const EventWindow& window) {
-    delayed.add(window, segmenter->process(window, turns.over(window)));
+  const auto process = [&](EventWindow&& window) {
+    SegmentedWindow segments = segmenter->process(window, turns.over(window));
+    delayed.add(std::move(window), std::move(segments));
     while (const auto labelled = delayed.pop()) write(*labelled);
   };
   std::string failure;
@@ -188,14 +190,14 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
         else
           windower.push({&event, 1});
       }
-      while (const auto window = interrupted() ? std::nullopt : windower.pop()) process(*window);
+      while (auto window = interrupted() ? std::nullopt : windower.pop()) process(std::move(*window));
     }
   } catch (const DataError& e) {
     failure = e.what();
   }
   flicker_filter.finish(take);
-  while (const auto window = interrupted() ? std::nullopt : windower.pop()) process(*window);
-  if (const auto window = interrupted() ? std::nullopt : windower.flush()) process(*window);
+  while (auto window = interrupted() ? std::nullopt : windower.pop()) process(std::move(*window));
+  if (auto window = interrupted() ? std::nullopt : windower.flush()) process(std::move(*window));
   while (const auto labelled = delayed.flush()) write(*labelled);
   fmt::memory_buffer rest;  // behind the last event that is of use
   write_left_out(rest, left_out, std::numeric_limits<Time>::max());

@@ -20,12 +20,12 @@ constexpr double kFadeEvery = 0.2;  // [s]: a quarter of the additional ones is 
 constexpr std::uint32_t kRecent = 16;
 constexpr float kSpans = 12, kLongestLook = 1.0F, kShortestLook = 0.002F;
 
-// A fit: its first gate, which widens to the edge's width, and the gate's limits [px].
+// A fit: its first gate, which widens to the edge's width [px].
 constexpr int kRounds = 7;
-constexpr float kFirstGate = 1.4F, kLeastGate = 1.3F, kMostGate = 4.5F;
+constexpr float kFirstGate = 1.4F;
 constexpr float kGate = 2.5F;         // standard deviations across the line that are on it
 constexpr float kTruncated = 0.911F;  // variance of a normal distribution cut off there, over its own
-constexpr float kNarrowest = 0.3F, kWidest = 2.6F;  // scatter of an edge's events across it [px]
+constexpr float kNarrowest = 0.3F;    // scatter of an edge's events across it [px]
 constexpr float kPlace = 20;  // width of the place that events would fill evenly if there were no line [px]
 
 // What makes a line.
@@ -103,7 +103,10 @@ IDOL_WIDE void add_near(const float* xs, const float* ys, const float* ts, std::
   }
 }
 
-float gate_of(float sigma) { return std::clamp(kGate * sigma, kLeastGate, kMostGate); }
+float gate_of(float sigma) {
+  return std::clamp(kGate * sigma, static_cast<float>(EdgeLimits::kLeastGate),
+                    static_cast<float>(EdgeLimits::kMostGate));
+}
 
 }  // namespace
 
@@ -270,7 +273,7 @@ bool LineDetector::is_line(const MovedLine& line, const Profile& profile) {
     return false;
   };
   if (line.n < kFewest) return refused(counts_.few);
-  if (line.sigma > kWidest) return refused(counts_.wide);
+  if (line.sigma > static_cast<float>(EdgeLimits::kMostSigma)) return refused(counts_.wide);
   const auto on = static_cast<float>(profile.on), beside = static_cast<float>(profile.beside);
   // Noise of this polarity on the line, in the time that its events span.
   const float by_chance =

@@ -14,6 +14,12 @@
 
 namespace idol {
 
+/// What detector and tracker take an edge for [px].
+struct EdgeLimits {
+  static constexpr double kLeastGate = 1.3, kMostGate = 4.5;  ///< events this near are its own
+  static constexpr double kMostSigma = 2.6;                   ///< scatter of its events across it
+};
+
 /// A straight piece of a moving line found, at the time of its newest event.
 struct LineSeed {
   Time time = 0;

@@ -79,9 +79,8 @@ std::uint8_t LineTracker::hot_from() const {
 
 // Events this near are the line's own [px]: by its width, and by how well its place is known.
 double LineTracker::gate(const LineTrack& track) {
-  constexpr double kLeast = 1.3, kMost = 4.5;
-  return std::clamp(kGateSigmas * std::sqrt(track.sigma * track.sigma + std::min(1.0, track.P(0, 0))), kLeast,
-                    kMost);
+  return std::clamp(kGateSigmas * std::sqrt(track.sigma * track.sigma + std::min(1.0, track.P(0, 0))),
+                    EdgeLimits::kLeastGate, EdgeLimits::kMostGate);
 }
 
 // 1, -1, or 0 where it is not known. Polarity times direction of motion is a property of an edge.

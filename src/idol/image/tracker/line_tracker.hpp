@@ -109,7 +109,7 @@ class LineTracker {
   /// How many of `events` make the next batch: batches tile the time from `origin` on, and end early when
   /// full.
   [[nodiscard]] std::size_t batch_length(std::span<const Event> events, Time origin) const;
-  /// Labels a batch of events (time order, all inside one batch); -1 = none. Ids of unconfirmed tracks count
+  /// Labels a batch of events (time order, all inside one batch); -1 = none. Ids of candidates count
   /// too.
   void process(std::span<const Event> events, LineId* labels);
 

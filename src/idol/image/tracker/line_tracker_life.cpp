@@ -37,8 +37,8 @@ constexpr double kNoisy = 0.03, kSure = 2, kOverNoise = 1, kMuchNoise = 30;
 // at kGateSigmas has 2.4, an even one 1.8 and two edges less, asked for where the mean square distance is
 // more than kFuller of the gate's.
 constexpr double kMinCore = 0.7, kUniform = 0.3, kFlat = 1.8, kFuller = 0.2;
-constexpr double kLeastSigma = 0.35, kMostSigma = 2.6;  // [px]
-constexpr double kLeastAspect = 12;                     // length over scatter of a line, at least
+constexpr double kLeastSigma = 0.35;  // [px]
+constexpr double kLeastAspect = 12;   // length over scatter of a line, at least
 
 // Variance of a normal distribution cut off at so many standard deviations, over its own.
 double cut_variance(double sigmas) {
@@ -174,7 +174,7 @@ void LineTracker::assess(LineTrack& track, Time now) {
     if (n > 60 && square > kFuller * width * width && track.fourth / n < kFlat * square * square)
       end(track, EndReason::kDouble);
     const double sigma = std::sqrt(std::max(0.0, square) / cut_variance(width / track.sigma));
-    track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, kMostSigma);
+    track.sigma = std::clamp(track.sigma + 0.5 * (sigma - track.sigma), kLeastSigma, EdgeLimits::kMostSigma);
   }
   if (track.alive && !track.validated && track.travel > kValidTravel &&
       track.support > kValidEvents + 5 * std::sqrt(track.by_chance) + track.by_chance &&
@@ -265,7 +265,7 @@ void LineTracker::seed(const LineSeed& seed) {
   const double slope = 1.0 / seed.length, rate = 0.2 * std::abs(seed.speed) + 20;
   track.P =
       Eigen::Vector4d(0.25, slope * slope, rate * rate + seed.speed_sigma * seed.speed_sigma, 4).asDiagonal();
-  track.sigma = std::clamp(seed.sigma, kLeastSigma, kMostSigma);
+  track.sigma = std::clamp(seed.sigma, kLeastSigma, EdgeLimits::kMostSigma);
   track.time = track.born = track.last_event = now;
   // A line that is already followed here must not be followed twice.
   for (LineTrack& other : tracks_) {

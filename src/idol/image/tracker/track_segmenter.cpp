@@ -200,7 +200,7 @@ void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, boo
   const std::size_t first = at(from), end = at(born);
   if (first >= end) return;
   columns_.fill(window, *undistort_);
-  const double gate = std::max(1.3, 2.5 * segment.sigma_px);
+  const double gate = std::max(EdgeLimits::kLeastGate, 2.5 * segment.sigma_px);
   near_.resize(columns_.x.size());
   mark_near(columns_, first, end, segment.line.extrapolable(), static_cast<float>(gate), near_.data());
   const float polarity = tracker_.polarity(segment.id);
