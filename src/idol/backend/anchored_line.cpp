@@ -38,6 +38,23 @@ LineEnds AnchoredLine::ends() const {
   return {a.x / a.w, b.x / b.w};
 }
 
+// An end lies in the plane through the anchor's centre in which its offset moves it.
+std::optional<Vec4> AnchoredLine::coordinates_of(const LineEnds& ends, const LineAnchor& anchor) {
+  const Pose T_c_w = anchor.T_w_c.inverse();
+  const Vec3 a = T_c_w * ends.a, b = T_c_w * ends.b, along = b - a;
+  Vec4 out;
+  for (int k = 0; k < 2; ++k) {
+    const Vec2& m = k == 0 ? anchor.a : anchor.b;
+    const Vec3 plane = Vec3(m.x(), m.y(), 1).cross(Vec3(anchor.normal.x(), anchor.normal.y(), 0));
+    const double slope = plane.dot(along);
+    if (std::abs(slope) < 1e-9 * along.norm()) return std::nullopt;
+    const Vec3 end = a - plane.dot(a) / slope * along;
+    if (!(end.z() > 0)) return std::nullopt;
+    out.segment<2>(2 * k) << anchor.normal.dot(Vec2(end.head<2>() / end.z()) - m), 1 / end.z();
+  }
+  return out;
+}
+
 // Each end is moved with the world, seen from the anchor again, and slid along the line back to where only
 // offset and inverse depth are free. In (x, y, inverse depth) a line is straight.
 Eigen::Matrix4d AnchoredLine::world_moves() const {

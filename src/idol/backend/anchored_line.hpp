@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "idol/backend/chain_system.hpp"
 #include "idol/backend/residuals.hpp"
@@ -36,6 +37,9 @@ struct AnchoredLine {
   [[nodiscard]] bool finite() const;
   /// The two ends in the world; only if finite().
   [[nodiscard]] LineEnds ends() const;
+  /// Coordinates, about `anchor`, of the line through two points of the world; nullopt if either end would not be in
+  /// front of the anchor's camera.
+  [[nodiscard]] static std::optional<Vec4> coordinates_of(const LineEnds& ends, const LineAnchor& anchor);
   /// Columns: how the coordinates change when the world is shifted along its x, y, z [1/m] or turned about
   /// its z axis [1/rad].
   [[nodiscard]] Eigen::Matrix4d world_moves() const;

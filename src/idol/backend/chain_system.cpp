@@ -6,32 +6,6 @@
 #include "idol/backend/dense.hpp"
 
 namespace idol {
-namespace {
-
-constexpr double kLift = 1e-15;
-
-// Keeps the Cholesky factor of a block with an unobserved direction from failing, far below any information.
-template <class Matrix>
-void lift(Matrix& H, double share = kLift) {
-  H.diagonal().array() += share * (H.diagonal().cwiseAbs().maxCoeff() + 1);
-}
-
-// Of a block that rounding may have left a little below zero in such a direction.
-bool factor_lifted(Eigen::MatrixXd& H) {
-  constexpr double kMost = 1e-6;
-  for (double share = kLift; share < kMost; share *= 100) {
-    Eigen::MatrixXd L = H;
-    lift(L, share);
-    if (!factor_lower(L)) continue;
-    H = std::move(L);
-    return true;
-  }
-  return false;
-}
-
-void fill_upper(Eigen::MatrixXd& H) { H.triangularView<Eigen::StrictlyUpper>() = H.transpose(); }
-
-}  // namespace
 
 LineBlocks::Block& LineBlocks::at(Eigen::Index column) {
   const auto it = std::lower_bound(columns_.begin(), columns_.end(), column);
@@ -137,54 +111,6 @@ ChainSystem::Step ChainSystem::solve(double damping) const {
     L[i].transpose().triangularView<Eigen::Upper>().solveInPlace(step.states[i]);
   }
   return step;
-}
-
-void ChainSystem::eliminate_first(Eigen::MatrixXd& H, Eigen::VectorXd& g) const {
-  const Eigen::Index m = line_gradient.size();
-  H.resize(kStateDim + m, kStateDim + m);
-  g.resize(kStateDim + m);
-  H.setZero();
-  H.topLeftCorner<kStateDim, kStateDim>() = diagonal[1];
-  lines[1].add_to(H.topRightCorner(kStateDim, m));
-  H.bottomLeftCorner(m, kStateDim) = H.topRightCorner(kStateDim, m).transpose();
-  H.bottomRightCorner(m, m) = line_block;
-  g << state_gradient[1], line_gradient;
-  StateMat D = diagonal[0];
-  lift(D);
-  const Eigen::LLT<StateMat> factor(D);
-  Eigen::MatrixXd W = Eigen::MatrixXd::Zero(kStateDim, kStateDim + m);
-  W.leftCols<kStateDim>() = next[0];
-  lines[0].add_to(W.rightCols(m));
-  factor.matrixL().solveInPlace(W);
-  const StateVec y = factor.matrixL().solve(state_gradient[0]);
-  subtract_gram(H, W);
-  fill_upper(H);
-  g.noalias() -= W.transpose() * y;
-}
-
-Eliminated eliminate_last(Eigen::MatrixXd& H, Eigen::VectorXd& g, Eigen::Index count) {
-  const Eigen::Index keep = g.size() - count;
-  if (count == 0) return {};
-  Eliminated out{H.bottomRightCorner(count, count), H.bottomLeftCorner(count, keep), g.tail(count)};
-  if (!factor_lifted(out.L)) {
-    H = H.topLeftCorner(keep, keep).eval();
-    g = g.head(keep).eval();
-    return {};
-  }
-  solve_lower(out.L, out.W);
-  out.L.triangularView<Eigen::Lower>().solveInPlace(out.y);
-  Eigen::MatrixXd kept = H.topLeftCorner(keep, keep);
-  subtract_gram(kept, out.W);
-  fill_upper(kept);
-  H = std::move(kept);
-  g = (g.head(keep) - out.W.transpose() * out.y).eval();
-  return out;
-}
-
-Eigen::VectorXd Eliminated::given(const Eigen::VectorXd& kept) const {
-  Eigen::VectorXd out = -y - W * kept;
-  L.transpose().triangularView<Eigen::Upper>().solveInPlace(out);
-  return out;
 }
 
 }  // namespace idol

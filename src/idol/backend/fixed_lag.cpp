@@ -36,7 +36,6 @@ void FixedLag::start(const NavState& first, bool still) {
 void FixedLag::set_prior(const NavState& first, bool still) {
   constexpr double kTilt = 0.1;
   constexpr double kMounting = 0.006, kFocal = 0.003;
-  prior_ = {first, Vec4::Zero(), {}, {}, {}};
   StateVec sigma;
   sigma << Vec3::Constant(options_.start_pose_sigma), kTilt, kTilt, options_.start_pose_sigma,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
@@ -45,11 +44,10 @@ void FixedLag::set_prior(const NavState& first, bool still) {
   const Vec4 calibration_sigma(kMounting, kMounting, kMounting, kFocal);
   Eigen::VectorXd all(kStateDim + calibration_dim_);
   all << sigma, calibration_sigma.head(calibration_dim_);
-  prior_.H = all.cwiseAbs2().cwiseInverse().asDiagonal();
+  LeastSquaresRows rows{all.cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(all.size())};
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
-  const Mat3 R = first.T_w_i.R();
-  prior_.H.block<3, 3>(3, 3) = (R.transpose() * prior_.H.block<3, 3>(3, 3) * R).eval();
-  prior_.g = Eigen::VectorXd::Zero(all.size());
+  rows.A.block<3, 3>(3, 3) = (rows.A.block<3, 3>(3, 3) * first.T_w_i.R()).eval();
+  prior_ = MarginalPrior(first, Eigen::VectorXd::Zero(calibration_dim_), std::move(rows));
 }
 
 void FixedLag::add(WindowMeasurement window) {
@@ -57,8 +55,9 @@ void FixedLag::add(WindowMeasurement window) {
   append(window);
   const Preintegration& imu = *window.imu;
   const Mat9 covariance = std::pow(options_.imu_noise_factor, 2) * imu.covariance(imu.end());
+  const Mat9 whitening = covariance.llt().matrixL().solve(Mat9::Identity());
   inertial_.push_back(std::make_unique<Inertial>(Inertial{
-      imu.at(imu.end()), covariance.llt().solve(Mat9::Identity()), std::move(window.bin_motions), {}}));
+      imu.at(imu.end()), whitening, whitening.transpose() * whitening, std::move(window.bin_motions), {}}));
   move_cameras();
   for (auto& seen : window.lines) file(index, std::move(seen));
   const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {
@@ -86,6 +85,10 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
   if (found == tracks_.end()) found = tracks_.try_emplace(id).first;
   Track& track = found->second;
   if (track.dead) return;
+  if (track.archived) {  // the tracker has found it again by itself
+    track.archived = false;
+    map_.erase(id);
+  }
   track.sure = track.sure || !seen.candidate;
   if (track.windows == 0) track.first_window = window;
   if (track.windows == 0 || track.last_window != window) ++track.windows;
@@ -102,14 +105,16 @@ SolveStats FixedLag::solve() {
   forget();
   make_lines();
   const std::vector<LineId> ids = active_lines();
-  const ReducedPrior reduced = reduced_prior(ids);
+  const MarginalPrior::Reduction reduction = prior_.reduced(ids);
+  const ActivePrior active(reduction.prior);
   // While everything is in the lag a bad start can still be undone, which takes longer.
   const int iterations = first_ == begun_ ? 2 * options_.max_iterations : options_.max_iterations;
-  SolveStats stats = settled_ ? optimise(ids, reduced.prior, iterations, kEnoughOnTheWay)
-                              : optimise(ids, reduced.prior, kIterationsToSettle, kEnoughToSettle);
-  update_resting_lines(reduced);
+  SolveStats stats = settled_ ? optimise(ids, active, iterations, kEnoughOnTheWay)
+                              : optimise(ids, active, kIterationsToSettle, kEnoughToSettle);
+  update_dormant_lines(reduction);
   cull();
   measure_extents();
+  if (settled_) associate_with_map();
   misfit_s_ = newest_misfits() ? misfit_s_ + seconds_between(states_.end()[-2].t, states_.back().t) : 0;
   if (lost()) restart();
   settled_ = settled_ || knows_velocity();
@@ -159,9 +164,9 @@ void FixedLag::restart() {
   const bool absurd = !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest);
   if (!settled_) {
     const NavState& first = states_[begun_];
-    now.T_w_i.q = (gauge_.state.T_w_i.q * first.T_w_i.q.inverse() * now.T_w_i.q).normalized();
+    now.T_w_i.q = (gauge_.state().T_w_i.q * first.T_w_i.q.inverse() * now.T_w_i.q).normalized();
     now.v_w.setZero();
-    now.bias = gauge_.state.bias;
+    now.bias = gauge_.state().bias;
   }
   const NavState& believable = states_[first_];
   if (absurd) {
@@ -169,7 +174,7 @@ void FixedLag::restart() {
     now.v_w = believable.v_w.norm() < 3 ? believable.v_w : Vec3::Zero();
   }
   if (!(now.bias.accel.norm() < 1)) now.bias.accel.setZero();
-  if (!(now.bias.gyro.norm() < kGyroBias)) now.bias.gyro = gauge_.state.bias.gyro;
+  if (!(now.bias.gyro.norm() < kGyroBias)) now.bias.gyro = gauge_.state().bias.gyro;
   states_.back() = now;
   first_ = begun_ = states_.size() - 1;
   tracks_.clear();
@@ -183,7 +188,7 @@ void FixedLag::restart() {
 
 // Levenberg-Marquardt, hardly damped: the start is a prediction away from the optimum. Ends with a step that
 // gains less than the share `enough` of the cost.
-SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations,
+SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const ActivePrior& prior, int max_iterations,
                               double enough) {
   SolveStats stats;
   stats.lines = static_cast<int>(ids.size());
@@ -230,10 +235,20 @@ bool FixedLag::keeps_past() const {
 
 SolveStats FixedLag::finish() {
   if (!keeps_past() || begun_ + 1 >= states_.size()) return {};
-  for (auto& [id, track] : tracks_) {
-    track.seen.insert(track.seen.begin(), std::make_move_iterator(track.past.begin()),
-                      std::make_move_iterator(track.past.end()));
-    track.past.clear();
+  // By descending id a line that was continued more than once hands on everything.
+  for (auto it = tracks_.rbegin(); it != tracks_.rend(); ++it) {
+    Track& track = it->second;
+    const auto take = [&](std::vector<Observation>& past) {
+      track.seen.insert(track.seen.begin(), std::make_move_iterator(past.begin()), std::make_move_iterator(past.end()));
+      past.clear();
+    };
+    take(track.past);
+    while (track.tie) {
+      Track& source = tracks_.at(track.tie->source.id);
+      take(source.past);
+      track.tie = std::move(source.tie);
+      source.tie.reset();
+    }
   }
   first_ = begun_;
   prior_ = gauge_;
@@ -243,7 +258,7 @@ SolveStats FixedLag::finish() {
   for (int round = 0; round < kRounds; ++round) {
     const std::vector<LineId> ids = longest(active_lines());
     const int before = stats.iterations;
-    stats = optimise(ids, prior_, kIterations, kEnoughAtLast);
+    stats = optimise(ids, ActivePrior(prior_), kIterations, kEnoughAtLast);
     stats.iterations += before;
     cull();
   }
@@ -297,19 +312,20 @@ void FixedLag::cull() {
       if (!seen.rejected) ++kept;
     }
     track.dead = 2 * kept < std::ssize(track.seen) || !track.line.finite();
+    if (track.dead) release(track);
   }
 }
 
 std::vector<Line> FixedLag::lines() const {
   std::vector<Line> out;
   for (const auto& [id, track] : tracks_)
-    if (track.mapped && !track.dead && track.line.finite()) out.push_back(line_of(id, track));
+    if (track.mapped && !track.dead && !track.continued && track.line.finite()) out.push_back(line_of(id, track));
   return out;
 }
 
 std::size_t FixedLag::line_count() const {
   return static_cast<std::size_t>(std::count_if(tracks_.begin(), tracks_.end(), [](const auto& entry) {
-    return entry.second.mapped && !entry.second.dead;
+    return entry.second.mapped && !entry.second.dead && !entry.second.continued;
   }));
 }
 

@@ -11,6 +11,9 @@
 #include "idol/backend/backend.hpp"
 #include "idol/backend/backend_options.hpp"
 #include "idol/backend/chain_system.hpp"
+#include "idol/estimation/marginal_prior.hpp"
+#include "idol/map/associate.hpp"
+#include "idol/map/line_map.hpp"
 
 namespace idol {
 
@@ -33,8 +36,20 @@ class FixedLag : public Backend {
     std::vector<LineBin> bins;
     bool rejected = false;
   };
+  // A line of the map that a track was found to be, as a factor on the track's coordinates.
+  struct MapTie {
+    ArchivedLine source;
+    Vec4 at = Vec4::Zero();                            // the archived line in the track's coordinates
+    Eigen::Matrix4d whitening = Eigen::Matrix4d::Identity();
+    std::size_t window = 0;                            // in which it was found
+    bool in_prior = false;
+    [[nodiscard]] Vec4 residual(const AnchoredLine& line) const { return whitening * (line.coordinates - at); }
+  };
   struct Track {
     bool sure = false, mapped = false, dead = false;
+    bool archived = false;       // out of the problem; in the map, if it was good enough
+    bool continued = false;      // another track was found to be the same line
+    std::optional<MapTie> tie;
     AnchoredLine line;
     std::vector<Observation> seen;  // in the active windows
     std::vector<Observation> past;  // before them, for the last pass
@@ -45,19 +60,11 @@ class FixedLag : public Backend {
     int windows = 0;
     std::int64_t events = 0;
   };
-  // What is known from marginalised windows: cost = g.d + d.H.d / 2, d the change of [state, calibration if
-  // refined, lines] from here.
-  struct Prior {
-    NavState state;
-    Vec4 calibration = Vec4::Zero();
-    std::vector<std::pair<LineId, Vec4>> lines;
-    Eigen::MatrixXd H;
-    Eigen::VectorXd g;
-  };
-  struct ReducedPrior {
-    Prior prior;
-    std::vector<std::pair<LineId, Vec4>> resting;  // eliminated from it
-    Eliminated rest;
+  // The prior of an optimisation: about the lines in it alone, with its constant part of the normal equations.
+  struct ActivePrior {
+    explicit ActivePrior(MarginalPrior of);
+    MarginalPrior prior;
+    Eigen::MatrixXd information;
   };
   struct WindowRows {  // from one state to the next
     ImuResidual imu;
@@ -74,6 +81,7 @@ class FixedLag : public Backend {
   };
   struct Inertial {  // of one window
     Preintegrated motion;
+    Mat9 whitening;                    // W with W' W the inverse covariance
     Mat9 weight;                       // inverse covariance
     std::vector<Preintegrated> bins;   // to the bin times
     std::vector<TimedCamera> cameras;  // then, by the states as they are
@@ -94,23 +102,23 @@ class FixedLag : public Backend {
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
   [[nodiscard]] std::optional<Vec2> distances(const LineBin& bin, const AnchoredLine& line,
                                               std::size_t window) const;
-  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const Prior& prior, int max_iterations,
+  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const ActivePrior& prior, int max_iterations,
                                     double enough);
   [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) const;
-  // Of the k-th line in a prior.
-  [[nodiscard]] Eigen::Index prior_row(std::size_t k) const {
-    return kStateDim + calibration_dim_ + 4 * static_cast<Eigen::Index>(k);
-  }
   [[nodiscard]] std::vector<LineId> active_lines() const;
   [[nodiscard]] std::vector<LineId> longest(std::vector<LineId> ids) const;
-  [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const Prior& prior) const;
-  using StateColumns = Eigen::Matrix<double, Eigen::Dynamic, kStateDim>;
-  [[nodiscard]] StateColumns prior_view(const Prior& prior) const;
-  [[nodiscard]] Eigen::VectorXd change_since(const Prior& prior) const;
-  [[nodiscard]] Eigen::VectorXd seen_change(const Prior& prior, const StateColumns& view) const;
-  [[nodiscard]] double prior_cost(const Prior& prior) const;
-  void add_prior(ChainSystem& system, const Prior& prior, const std::vector<LineId>& ids) const;
+  [[nodiscard]] ChainSystem linearise(const std::vector<LineId>& ids, const ActivePrior& prior) const;
+  /// Calls `use(variables)` with the variables of a prior as they are now.
+  template <class Use>
+  auto with_prior_variables(Use&& use) const {
+    const Eigen::VectorXd calibration = calibration_.head(calibration_dim_);
+    const LineLookup line = [this](LineId id) -> const AnchoredLine& { return tracks_.at(id).line; };
+    return use(PriorVariables{states_[first_], calibration, line});
+  }
+  void add_prior(ChainSystem& system, const ActivePrior& prior, const std::vector<LineId>& ids) const;
+  void add_inertial_rows(RowStack& rows, std::size_t window) const;
+  void add_line_rows(RowStack& rows, std::size_t window, const std::vector<LineId>& ids) const;
   void add_window(ChainSystem& system, std::size_t window, std::size_t slot) const;
   [[nodiscard]] WindowRows window_rows(std::size_t window) const;
   [[nodiscard]] std::pair<double, double> robust(const LineBin& bin, const Vec2& distances) const;
@@ -118,9 +126,15 @@ class FixedLag : public Backend {
                        const Observation& seen, std::size_t slot, Eigen::Index column) const;
   [[nodiscard]] std::vector<SightSystem> sight_systems(std::size_t window) const;
   static void add_sights(ChainSystem& system, const std::vector<SightSystem>& sights, std::size_t slot);
-  [[nodiscard]] double cost(const std::vector<LineId>& ids, const Prior& prior) const;
-  [[nodiscard]] ReducedPrior reduced_prior(const std::vector<LineId>& ids) const;
-  void update_resting_lines(const ReducedPrior& reduced);
+  [[nodiscard]] double cost(const std::vector<LineId>& ids, const ActivePrior& prior) const;
+  void update_dormant_lines(const MarginalPrior::Reduction& reduction);
+  void archive(const MarginalPrior::Reduction& reduction, const std::vector<LineId>& ids);
+  void associate_with_map();
+  [[nodiscard]] bool tie(LineId id, const ArchivedLine& source);
+  void release(Track& track);
+  [[nodiscard]] static std::pair<double, double> robust(const Vec4& tie_residual);
+  void add_ties(ChainSystem& system, const std::vector<LineId>& ids) const;
+  void add_tie_rows(RowStack& rows, std::size_t window, const std::vector<LineId>& ids);
   void apply(const ChainSystem::Step& step, const std::vector<LineId>& ids);
   void marginalise_oldest();
   void drop_past();
@@ -150,8 +164,10 @@ class FixedLag : public Backend {
   std::size_t first_ = 0;                            // oldest active state
   std::vector<std::unique_ptr<Inertial>> inertial_;  // null once no last pass will need it
   std::map<LineId, Track> tracks_;
+  LineMap map_;
+  std::map<LineId, std::pair<LineId, int>> proposed_;  // of tracks: the line of the map and how often in a row
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
-  Prior prior_, gauge_;
+  MarginalPrior prior_, gauge_;
   std::size_t dropped_ = 0;  // windows without inertial_
   double blind_s_ = 0;       // how long no known line has been seen, in motion
   double misfit_s_ = 0;      // how long many have been where they should not be

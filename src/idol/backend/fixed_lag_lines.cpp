@@ -24,7 +24,7 @@ std::optional<LineId> FixedLag::known_line(const LineObservation& seen, std::siz
   double nearest = options_.redetect_px, second = 1e9;
   const Vec2 from = seen.end_a.px, to = seen.end_b.px;
   for (const auto& [id, track] : tracks_) {
-    if (!track.mapped || track.dead || !track.line.finite()) continue;
+    if (!track.mapped || track.dead || track.archived || !track.line.finite()) continue;
     const Line line = line_of(id, track);
     const TimedCamera camera(state, later(seen.end_a.motion, state.time_shift), bias, projection_);
     const Vec3 a = camera({line.a}).x, b = camera({line.b}).x;
@@ -149,21 +149,15 @@ bool FixedLag::guess(LineId id, Track& track) {
   AnchoredLine line = new_line(track, typical_depth());
   const Vec4 first = line.coordinates;
   const double sigma = options_.depth_prior_log * first[1], slant = options_.slant_prior_log * first[1];
-  Eigen::Matrix4d prior = Eigen::Matrix4d::Zero();
-  prior(1, 1) = prior(3, 3) = 1 / (sigma * sigma) + 1 / (slant * slant);
-  prior(1, 3) = prior(3, 1) = -1 / (slant * slant);
+  Eigen::Matrix<double, 3, 4> root = Eigen::Matrix<double, 3, 4>::Zero();
+  root(0, 1) = root(1, 3) = 1 / sigma;
+  root(2, 1) = 1 / slant;
+  root(2, 3) = -1 / slant;
   Eigen::Matrix4d H;
   double rms = 0;
-  if (!fit(track, prior, line, H, rms) || !(rms < 2 * options_.create_rms_px) || !line.finite()) return false;
+  if (!fit(track, root.transpose() * root, line, H, rms) || !(rms < 2 * options_.create_rms_px) || !line.finite()) return false;
   track.line = line;
-  const Eigen::Index n = prior_.g.size();
-  prior_.H.conservativeResize(n + 4, n + 4);
-  prior_.H.rightCols<4>().setZero();
-  prior_.H.bottomRows<4>().setZero();
-  prior_.H.bottomRightCorner<4, 4>() = prior;
-  prior_.g.conservativeResize(n + 4);
-  prior_.g.tail<4>().setZero();
-  prior_.lines.emplace_back(id, first);
+  prior_.add_line(id, first, root);
   return true;
 }
 

@@ -175,7 +175,7 @@ void FixedLag::add_sights(ChainSystem& system, const std::vector<SightSystem>& s
   }
 }
 
-ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const Prior& prior) const {
+ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const ActivePrior& prior) const {
   ChainSystem system(states_.size() - first_, calibration_dim_ + 4 * std::ssize(ids));
   add_prior(system, prior, ids);
   std::vector<std::vector<SightSystem>> sights;
@@ -192,14 +192,16 @@ ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const Prior& pri
     }
   }
   for (std::size_t slot = 0; slot < sights.size(); ++slot) add_sights(system, sights[slot], slot);
+  add_ties(system, ids);
   return system;
 }
 
-double FixedLag::cost(const std::vector<LineId>& ids, const Prior& prior) const {
-  double sum = prior_cost(prior);
+double FixedLag::cost(const std::vector<LineId>& ids, const ActivePrior& prior) const {
+  double sum = with_prior_variables([&](const PriorVariables& now) { return prior.prior.cost(now); });
   for (std::size_t w = first_; w < windows_.size(); ++w) sum += window_rows(w).cost;
   for (LineId id : ids) {
     const Track& track = tracks_.at(id);
+    if (track.tie && !track.tie->in_prior) sum += robust(track.tie->residual(track.line)).first;
     for (const auto& seen : track.seen) {
       if (seen.rejected) continue;
       for (const LineBin& bin : seen.bins)
