@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "idol/backend/fixed_lag.hpp"
@@ -91,7 +93,8 @@ struct Outcome {
   SolveStats last;
 };
 Outcome run(World world, const BackendOptions& options, double seconds, std::mt19937& rng,
-            double moved_at = 1e9) {
+            double moved_at = 1e9,
+            const std::function<void(const FixedLag&, const SolveStats&)>& after_window = {}) {
   std::normal_distribution<double> normal;
   const auto random = [&](double sigma) { return Vec3(sigma * Vec3(normal(rng), normal(rng), normal(rng))); };
   Outcome outcome{FixedLag(world.rig, options), {}};
@@ -131,6 +134,7 @@ Outcome run(World world, const BackendOptions& options, double seconds, std::mt1
     }
     estimator.add(std::move(window));
     outcome.last = estimator.solve();
+    if (after_window) after_window(estimator, outcome.last);
   }
   return outcome;
 }
@@ -203,7 +207,7 @@ TEST(Consistency, LinesOutOfPlaceMeanLost) {
   const Outcome moved = run(world, options, 3, rng, 1);
   EXPECT_EQ(moved.last.restarts, 1);
   EXPECT_GT(moved.estimator.line_count(), 8U);
-  EXPECT_LT((moved.estimator.latest().v_w - world.motion.state(3).v_w).norm(), 0.1);
+  EXPECT_LT((moved.estimator.latest().v_w - world.motion.state(3).v_w).norm(), 0.15);
 }
 
 // Position and yaw of everything can be chosen freely: the measurements must not add information about them,
@@ -238,6 +242,47 @@ TEST(Consistency, UnobservableDirectionsStayUnknown) {
     mean += known / 5;
   }
   EXPECT_LT(mean, 1.06);
+}
+
+// A prior in square-root form cannot lose its sign, however many windows go into it and however large the
+// ratio of what they know best to what they know least.
+TEST(Consistency, ThousandsOfWindowsLeaveAPriorWithoutNegativeEigenvalues) {
+  std::mt19937 rng(11);
+  World world(rng);
+  world.lines.resize(130);
+  BackendOptions options = honest_options();
+  options.lag_windows = 4;
+  options.max_resting_lines = 5;
+  options.start_pose_sigma = 0.3;
+  int windows = 0;
+  const Outcome outcome =
+      run(world, options, 110, rng, 1e9, [&](const FixedLag& estimator, const SolveStats& stats) {
+        ASSERT_GE(stats.cost, 0);
+        ASSERT_EQ(stats.restarts, 0);
+        if (++windows % 100 != 0) return;
+        const Eigen::MatrixXd& R = estimator.prior().rows().A;
+        ASSERT_TRUE(R.allFinite());
+        ASSERT_TRUE(R.isUpperTriangular(0));
+        const Eigen::VectorXd eigenvalues =
+            Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(R.transpose() * R, Eigen::EigenvaluesOnly)
+                .eigenvalues();
+        EXPECT_GT(eigenvalues.minCoeff(), -1e-15 * eigenvalues.maxCoeff());
+        // Shifting the state and all lines together costs what the start says, and nothing else.
+        for (int axis = 0; axis < 3; ++axis) {
+          Eigen::VectorXd shift = Eigen::VectorXd::Zero(R.cols());
+          shift[estimator.prior().state_column() + axis] = 1;
+          for (std::size_t k = 0; k < estimator.prior().lines().size(); ++k) {
+            const auto& [id, at] = estimator.prior().lines()[k];
+            AnchoredLine line = estimator.line(id);
+            line.coordinates = at;
+            shift.segment<4>(MarginalPrior::line_column(k)) = line.world_moves().col(axis);
+          }
+          EXPECT_LT((R * shift).squaredNorm(), 1.01 / std::pow(options.start_pose_sigma, 2))
+              << "window " << windows;
+        }
+      });
+  EXPECT_EQ(windows, 2200);
+  EXPECT_LT((outcome.estimator.latest().v_w - world.motion.state(110).v_w).norm(), 0.1);
 }
 
 }  // namespace

@@ -258,6 +258,13 @@ TEST(Dense, DoesWhatEigenDoes) {
   solve_lower(A, solved);
   EXPECT_LT((L * solved - B).norm(), 1e-10);
 
+  Eigen::MatrixXd R = W.transpose();
+  replace_by_triangular_factor(R);
+  EXPECT_EQ(R.rows(), 20);
+  EXPECT_TRUE(R.isUpperTriangular(0));
+  EXPECT_LT((R.transpose() * R - W * W.transpose()).norm(), 1e-11);
+  EXPECT_LT((gram(W.transpose()) - W * W.transpose()).norm(), 1e-11);
+
   Eigen::MatrixXd negative = -Eigen::MatrixXd::Identity(3, 3), none(0, 0);
   EXPECT_FALSE(factor_lower(negative));
   EXPECT_TRUE(factor_lower(none));
@@ -298,29 +305,6 @@ TEST(Backend, StatesBetweenTwoLieOnTheMotion) {
 TEST(ChainSystem, AnIndefiniteSystemGivesNoStep) {
   ChainSystem system(2, 4);
   EXPECT_TRUE(system.solve(0).states.empty());
-}
-
-TEST(ChainSystem, WhatIsEliminatedIsTheSchurComplement) {
-  Eigen::MatrixXd H;
-  Eigen::VectorXd g;
-  const ChainSystem system = random_chain(2, 8, H, g);
-  Eigen::MatrixXd kept;
-  Eigen::VectorXd kept_g;
-  system.eliminate_first(kept, kept_g);
-  const Eigen::Index n = H.rows() - kStateDim;
-  const Eigen::MatrixXd D = H.topLeftCorner(kStateDim, kStateDim).inverse();
-  const Eigen::MatrixXd off = H.bottomLeftCorner(n, kStateDim);
-  EXPECT_LT((kept - (H.bottomRightCorner(n, n) - off * D * off.transpose())).norm(), 1e-7);
-  EXPECT_LT((kept_g - (g.tail(n) - off * D * g.head(kStateDim))).norm(), 1e-7);
-  // Taking the lines out as well leaves the marginal of the second state.
-  const Eigen::MatrixXd both = kept;
-  const Eigen::VectorXd both_g = kept_g;
-  const Eliminated lines = eliminate_last(kept, kept_g, 8);
-  const Eigen::MatrixXd covariance = H.inverse();
-  EXPECT_LT((kept.inverse() - covariance.block(kStateDim, kStateDim, kStateDim, kStateDim)).norm(), 1e-7);
-  // Both parts together are where the model is least.
-  const Eigen::VectorXd least = both.ldlt().solve(-both_g);
-  EXPECT_LT((lines.given(least.head<kStateDim>()) - least.tail(8)).norm(), 1e-8);
 }
 
 }  // namespace

@@ -31,7 +31,15 @@ void AnchoredLine::move(const Vec4& step) {
   coordinates << moved[0], std::max(moved[1], 0.1 * c[1]), moved[2], std::max(moved[3], 0.1 * c[3]);
 }
 
-bool AnchoredLine::finite() const { return coordinates[1] > 1e-3 && coordinates[3] > 1e-3; }
+bool AnchoredLine::finite() const {
+  constexpr double kFarthest = 1e5, kNearest = 1e-3;  // [m]
+  constexpr double kOffset = 2;                       // a lens of 90 degrees sees offsets up to 1
+  const auto in_front = [](double inverse_depth) {
+    return inverse_depth > 1 / kFarthest && inverse_depth < 1 / kNearest;
+  };
+  return in_front(coordinates[1]) && in_front(coordinates[3]) && std::abs(coordinates[0]) < kOffset &&
+         std::abs(coordinates[2]) < kOffset;
+}
 
 LineEnds AnchoredLine::ends() const {
   const HomogeneousPoint a = end_a(), b = end_b();

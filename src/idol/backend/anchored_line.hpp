@@ -33,12 +33,13 @@ struct AnchoredLine {
   [[nodiscard]] HomogeneousPoint end_b() const { return end(anchor.b, coordinates[2], coordinates[3]); }
   /// Adds `step` to the coordinates, but never through infinity: that would come back behind the camera.
   void move(const Vec4& step);
-  /// In front of the anchor camera and not farther than 1 km.
+  /// In front of the anchor camera, between 1 mm and 100 km away, and near its image there: a line, not what
+  /// a divergence leaves of one.
   [[nodiscard]] bool finite() const;
   /// The two ends in the world; only if finite().
   [[nodiscard]] LineEnds ends() const;
-  /// Coordinates, about `anchor`, of the line through two points of the world; nullopt if either end would not be in
-  /// front of the anchor's camera.
+  /// Coordinates, about `anchor`, of the line through two points of the world; nullopt if either end would
+  /// not be in front of the anchor's camera.
   [[nodiscard]] static std::optional<Vec4> coordinates_of(const LineEnds& ends, const LineAnchor& anchor);
   /// Columns: how the coordinates change when the world is shifted along its x, y, z [1/m] or turned about
   /// its z axis [1/rad].

@@ -37,7 +37,7 @@ struct BackendOptions {
   double create_rms_px = 1.0;
   int few_lines = 20;
   double redetect_px = 2.5;
-  int max_resting_lines = 60;
+  int max_resting_lines = 30;
   double last_pass_s = 60;
   double batch_s = 24;
   int lag_windows = 20;
@@ -98,7 +98,7 @@ struct BackendOptions {
     visit("few_lines", self.few_lines, Range{0, 1000},
           "with fewer lines in sight, segments of unknown depth become lines too");
     visit("redetect_px", self.redetect_px, Range{0, 20},
-          "a segment this near to a known line's image is that line [px]");
+          "a segment this near to a known line's image is that line [px]; 0: no line is ever found again");
     visit("max_resting_lines", self.max_resting_lines, Range{0, 1000},
           "lines out of sight that are remembered");
     visit("last_pass_s", self.last_pass_s, Range{0, 1e6},

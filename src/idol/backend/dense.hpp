@@ -17,8 +17,8 @@ void subtract_gram(Eigen::Ref<Eigen::MatrixXd> C, const Eigen::Ref<const Eigen::
 /// Cholesky factor L of A = L L', in the place of A's lower half, which alone is read. False if A is not
 /// positive.
 [[nodiscard]] bool factor_lower(Eigen::Ref<Eigen::MatrixXd> A);
-/// A = Q R with orthonormal columns of Q: R takes A's place, with as many rows as are not zero below the diagonal, at
-/// most A's. A' A = R' R.
+/// A = Q R with orthonormal columns of Q: R takes A's place, with as many rows as are not zero below the
+/// diagonal, at most A's. A' A = R' R.
 void replace_by_triangular_factor(Eigen::MatrixXd& A);
 /// B = L^-1 B, L in a lower half.
 void solve_lower(const Eigen::Ref<const Eigen::MatrixXd>& L, Eigen::Ref<Eigen::MatrixXd> B);

@@ -43,11 +43,13 @@ void FixedLag::set_prior(const NavState& first, bool still) {
       Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma, options_.event_lag_sigma_px;
   const Vec4 calibration_sigma(kMounting, kMounting, kMounting, kFocal);
   Eigen::VectorXd all(kStateDim + calibration_dim_);
-  all << sigma, calibration_sigma.head(calibration_dim_);
+  all << calibration_sigma.head(calibration_dim_), sigma;
   LeastSquaresRows rows{all.cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(all.size())};
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
-  rows.A.block<3, 3>(3, 3) = (rows.A.block<3, 3>(3, 3) * first.T_w_i.R()).eval();
-  prior_ = MarginalPrior(first, Eigen::VectorXd::Zero(calibration_dim_), std::move(rows));
+  const Eigen::Index turn = calibration_dim_ + 3;
+  rows.A.block<3, 3>(turn, turn) = (rows.A.block<3, 3>(turn, turn) * first.T_w_i.R()).eval();
+  eliminate_leading(rows, 0);  // makes it a triangle again
+  prior_ = MarginalPrior(first, Eigen::VectorXd::Zero(calibration_dim_), {}, std::move(rows));
 }
 
 void FixedLag::add(WindowMeasurement window) {
@@ -101,8 +103,8 @@ void FixedLag::file(std::size_t window, LineObservation&& seen) {
 
 SolveStats FixedLag::solve() {
   const std::size_t lag = static_cast<std::size_t>(options_.lag_windows) * (settled_ ? 1 : kLagToSettle);
-  while (states_.size() - first_ > lag + 1) marginalise_oldest();
   forget();
+  while (states_.size() - first_ > lag + 1) marginalise_oldest();
   make_lines();
   const std::vector<LineId> ids = active_lines();
   const MarginalPrior::Reduction reduction = prior_.reduced(ids);
@@ -114,7 +116,7 @@ SolveStats FixedLag::solve() {
   update_dormant_lines(reduction);
   cull();
   measure_extents();
-  if (settled_) associate_with_map();
+  if (settled_ && options_.redetect_px > 0) associate_with_map();
   misfit_s_ = newest_misfits() ? misfit_s_ + seconds_between(states_.end()[-2].t, states_.back().t) : 0;
   if (lost()) restart();
   settled_ = settled_ || knows_velocity();
@@ -239,7 +241,8 @@ SolveStats FixedLag::finish() {
   for (auto it = tracks_.rbegin(); it != tracks_.rend(); ++it) {
     Track& track = it->second;
     const auto take = [&](std::vector<Observation>& past) {
-      track.seen.insert(track.seen.begin(), std::make_move_iterator(past.begin()), std::make_move_iterator(past.end()));
+      track.seen.insert(track.seen.begin(), std::make_move_iterator(past.begin()),
+                        std::make_move_iterator(past.end()));
       past.clear();
     };
     take(track.past);
@@ -319,7 +322,8 @@ void FixedLag::cull() {
 std::vector<Line> FixedLag::lines() const {
   std::vector<Line> out;
   for (const auto& [id, track] : tracks_)
-    if (track.mapped && !track.dead && !track.continued && track.line.finite()) out.push_back(line_of(id, track));
+    if (track.mapped && !track.dead && !track.continued && track.line.finite())
+      out.push_back(line_of(id, track));
   return out;
 }
 

@@ -29,6 +29,12 @@ class FixedLag : public Backend {
   [[nodiscard]] std::vector<Line> lines() const override;
   [[nodiscard]] std::size_t line_count() const override;
   [[nodiscard]] std::optional<StateMat> covariance() const override { return covariance_; }
+  /// What the marginalised windows know.
+  [[nodiscard]] const MarginalPrior& prior() const { return prior_; }
+  /// Of a line that is or was in the problem, as estimated. Throws std::out_of_range for others.
+  [[nodiscard]] const AnchoredLine& line(LineId id) const { return tracks_.at(id).line; }
+  /// Lines that were archived.
+  [[nodiscard]] const LineMap& map() const { return map_; }
 
  private:
   struct Observation {
@@ -39,17 +45,29 @@ class FixedLag : public Backend {
   // A line of the map that a track was found to be, as a factor on the track's coordinates.
   struct MapTie {
     ArchivedLine source;
-    Vec4 at = Vec4::Zero();                            // the archived line in the track's coordinates
+    Vec4 at = Vec4::Zero();  // the archived line in the track's coordinates
     Eigen::Matrix4d whitening = Eigen::Matrix4d::Identity();
-    std::size_t window = 0;                            // in which it was found
+    std::size_t window = 0;  // in which it was found
     bool in_prior = false;
-    [[nodiscard]] Vec4 residual(const AnchoredLine& line) const { return whitening * (line.coordinates - at); }
+    [[nodiscard]] Vec4 residual(const AnchoredLine& line) const {
+      return whitening * (line.coordinates - at);
+    }
+  };
+  // Of a line that was mapped before its depth was known: a factor until it is. It never goes into the
+  // marginal prior, where it would hold the world to the place of the line's anchor.
+  struct DepthPrior {
+    Vec4 at = Vec4::Zero();
+    Eigen::Matrix<double, 3, 4> whitening = Eigen::Matrix<double, 3, 4>::Zero();
+    [[nodiscard]] Vec3 residual(const AnchoredLine& line) const {
+      return whitening * (line.coordinates - at);
+    }
   };
   struct Track {
     bool sure = false, mapped = false, dead = false;
-    bool archived = false;       // out of the problem; in the map, if it was good enough
-    bool continued = false;      // another track was found to be the same line
+    bool archived = false;   // out of the problem; in the map, if it was good enough
+    bool continued = false;  // another track was found to be the same line
     std::optional<MapTie> tie;
+    std::optional<DepthPrior> depth_prior;
     AnchoredLine line;
     std::vector<Observation> seen;  // in the active windows
     std::vector<Observation> past;  // before them, for the last pass
@@ -60,7 +78,8 @@ class FixedLag : public Backend {
     int windows = 0;
     std::int64_t events = 0;
   };
-  // The prior of an optimisation: about the lines in it alone, with its constant part of the normal equations.
+  // The prior of an optimisation: about the lines in it alone, with its constant part of the normal
+  // equations.
   struct ActivePrior {
     explicit ActivePrior(MarginalPrior of);
     MarginalPrior prior;
@@ -94,7 +113,9 @@ class FixedLag : public Backend {
   [[nodiscard]] bool fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLine& line,
                          Eigen::Matrix4d& H, double& rms) const;
   [[nodiscard]] bool triangulate(Track& track) const;
-  [[nodiscard]] bool guess(LineId id, Track& track);
+  [[nodiscard]] bool initialise_with_depth_prior(Track& track) const;
+  [[nodiscard]] bool knows_depth(const AnchoredLine& line, const Eigen::Matrix4d& information) const;
+  [[nodiscard]] Eigen::Matrix4d line_information(const Track& track) const;
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
   [[nodiscard]] double typical_depth() const;
 
@@ -102,8 +123,8 @@ class FixedLag : public Backend {
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
   [[nodiscard]] std::optional<Vec2> distances(const LineBin& bin, const AnchoredLine& line,
                                               std::size_t window) const;
-  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const ActivePrior& prior, int max_iterations,
-                                    double enough);
+  [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const ActivePrior& prior,
+                                    int max_iterations, double enough);
   [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) const;
   [[nodiscard]] std::vector<LineId> active_lines() const;
@@ -117,7 +138,7 @@ class FixedLag : public Backend {
     return use(PriorVariables{states_[first_], calibration, line});
   }
   void add_prior(ChainSystem& system, const ActivePrior& prior, const std::vector<LineId>& ids) const;
-  void add_inertial_rows(RowStack& rows, std::size_t window) const;
+  void add_inertial_rows(RowStack& rows, std::size_t window, Eigen::Index next) const;
   void add_line_rows(RowStack& rows, std::size_t window, const std::vector<LineId>& ids) const;
   void add_window(ChainSystem& system, std::size_t window, std::size_t slot) const;
   [[nodiscard]] WindowRows window_rows(std::size_t window) const;
@@ -133,7 +154,7 @@ class FixedLag : public Backend {
   [[nodiscard]] bool tie(LineId id, const ArchivedLine& source);
   void release(Track& track);
   [[nodiscard]] static std::pair<double, double> robust(const Vec4& tie_residual);
-  void add_ties(ChainSystem& system, const std::vector<LineId>& ids) const;
+  void add_line_factors(ChainSystem& system, const std::vector<LineId>& ids) const;
   void add_tie_rows(RowStack& rows, std::size_t window, const std::vector<LineId>& ids);
   void apply(const ChainSystem::Step& step, const std::vector<LineId>& ids);
   void marginalise_oldest();
@@ -165,7 +186,8 @@ class FixedLag : public Backend {
   std::vector<std::unique_ptr<Inertial>> inertial_;  // null once no last pass will need it
   std::map<LineId, Track> tracks_;
   LineMap map_;
-  std::map<LineId, std::pair<LineId, int>> proposed_;  // of tracks: the line of the map and how often in a row
+  std::map<LineId, std::pair<LineId, int>>
+      proposed_;                    // of tracks: the line of the map and how often in a row
   std::map<LineId, LineId> alias_;  // of a segment that turned out to be a known line
   MarginalPrior prior_, gauge_;
   std::size_t dropped_ = 0;  // windows without inertial_

@@ -68,8 +68,11 @@ void FixedLag::make_lines() {
     if (!track.sure || track.mapped || track.dead || track.seen.empty() ||
         track.last_window + 1 != windows_.size() || std::ssize(track.seen) < options_.min_windows)
       continue;
-    track.mapped = triangulate(track) || (few && guess(id, track));
+    track.mapped = triangulate(track) || (few && initialise_with_depth_prior(track));
   }
+  for (auto& [id, track] : tracks_)
+    if (track.depth_prior && !track.seen.empty() && knows_depth(track.line, line_information(track)))
+      track.depth_prior.reset();
   // Segments that ended before they could become lines.
   std::erase_if(tracks_,
                 [&](const auto& entry) { return !entry.second.mapped && entry.second.seen.empty(); });
@@ -131,11 +134,8 @@ bool FixedLag::triangulate(Track& track) const {
     Eigen::Matrix4d H;
     double rms = 0;
     if (!fit(track, Eigen::Matrix4d::Zero(), line, H, rms) || !(rms < options_.create_rms_px)) continue;
-    const Eigen::Matrix4d covariance = H.inverse();
     const double rho = 0.5 * (line.coordinates[1] + line.coordinates[3]);
-    const double sigma =
-        0.5 * std::sqrt(std::max(0.0, covariance(1, 1) + covariance(3, 3) + 2 * covariance(1, 3)));
-    if (!(rho > 1 / kFarthest && rho < 1 / kNearest && sigma < options_.create_depth_sigma * rho)) continue;
+    if (!(rho > 1 / kFarthest && rho < 1 / kNearest && knows_depth(line, H))) continue;
     if (line.coordinates[1] < 0.2 * rho || line.coordinates[3] < 0.2 * rho) continue;
     track.line = line;
     return true;
@@ -143,21 +143,41 @@ bool FixedLag::triangulate(Track& track) const {
   return false;
 }
 
+// By the standard deviation of the mean inverse depth of both ends, given the poses.
+bool FixedLag::knows_depth(const AnchoredLine& line, const Eigen::Matrix4d& information) const {
+  const Eigen::Matrix4d covariance = information.inverse();
+  const double variance = covariance(1, 1) + covariance(3, 3) + 2 * covariance(1, 3);
+  const double rho = 0.5 * (line.coordinates[1] + line.coordinates[3]);
+  return variance >= 0 && 0.5 * std::sqrt(variance) < options_.create_depth_sigma * rho;
+}
+
+// What the active windows say about a line's coordinates, poses fixed.
+Eigen::Matrix4d FixedLag::line_information(const Track& track) const {
+  Eigen::Matrix4d H = Eigen::Matrix4d::Zero();
+  for (const auto& seen : track.seen)
+    for (const auto& bin : seen.bins)
+      if (const BinResidual r = residual(bin, track.line, seen.window); r.valid)
+        H += r.d_line.transpose() * r.d_line / std::pow(sigma_px(bin), 2);
+  return H;
+}
+
 // While there is hardly a map, lines of unknown depth hold the rotation, and get their depth together with
-// the velocity: a weak prior about the typical depth goes into the marginal prior.
-bool FixedLag::guess(LineId id, Track& track) {
+// the velocity, with a weak prior about the typical depth.
+bool FixedLag::initialise_with_depth_prior(Track& track) const {
   AnchoredLine line = new_line(track, typical_depth());
-  const Vec4 first = line.coordinates;
-  const double sigma = options_.depth_prior_log * first[1], slant = options_.slant_prior_log * first[1];
-  Eigen::Matrix<double, 3, 4> root = Eigen::Matrix<double, 3, 4>::Zero();
-  root(0, 1) = root(1, 3) = 1 / sigma;
-  root(2, 1) = 1 / slant;
-  root(2, 3) = -1 / slant;
+  DepthPrior prior{line.coordinates};
+  const double sigma = options_.depth_prior_log * line.coordinates[1],
+               slant = options_.slant_prior_log * line.coordinates[1];
+  prior.whitening(0, 1) = prior.whitening(1, 3) = 1 / sigma;
+  prior.whitening(2, 1) = 1 / slant;
+  prior.whitening(2, 3) = -1 / slant;
   Eigen::Matrix4d H;
   double rms = 0;
-  if (!fit(track, root.transpose() * root, line, H, rms) || !(rms < 2 * options_.create_rms_px) || !line.finite()) return false;
+  if (!fit(track, prior.whitening.transpose() * prior.whitening, line, H, rms) ||
+      !(rms < 2 * options_.create_rms_px) || !line.finite())
+    return false;
   track.line = line;
-  prior_.add_line(id, first, root);
+  track.depth_prior = prior;
   return true;
 }
 

@@ -1,5 +1,5 @@
-// The map of the fixed lag: lines that leave the problem are archived with their covariance; segments that are found to
-// be archived lines tie the estimate to them.
+// The map of the fixed lag: lines that leave the problem are archived with their covariance; segments that
+// are found to be archived lines tie the estimate to them.
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -9,13 +9,14 @@
 namespace idol {
 namespace {
 
-// Errors that many archived lines share, the drift up to them above all, count once for each line that is tied to them:
-// their covariance is inflated by this factor.
+// Errors that many archived lines share, the drift up to them above all, count once for each line that is
+// tied to them: their covariance is inflated by this factor.
 constexpr double kSharedErrors = 4;
 constexpr double kTieScale = 9;  // of the Cauchy loss on a tie's squared residual of four rows
 
 // The archived line and its covariance in the coordinates of another anchor.
-std::optional<std::pair<Vec4, Eigen::Matrix4d>> transported(const ArchivedLine& source, const LineAnchor& anchor) {
+std::optional<std::pair<Vec4, Eigen::Matrix4d>> transported(const ArchivedLine& source,
+                                                            const LineAnchor& anchor) {
   const auto at = AnchoredLine::coordinates_of(source.line.ends(), anchor);
   if (!at) return std::nullopt;
   Eigen::Matrix4d J;
@@ -47,7 +48,8 @@ void FixedLag::archive(const MarginalPrior::Reduction& reduction, const std::vec
     const auto row = 4 * static_cast<Eigen::Index>(k);
     ArchivedLine line{id, track.line, covariance.block<4, 4>(row, row), {}, 0};
     const Vec4& c = line.line.coordinates;
-    if (!(std::sqrt(line.covariance(1, 1)) < kDepthSigma * c[1] && std::sqrt(line.covariance(3, 3)) < kDepthSigma * c[3]))
+    if (!(std::sqrt(line.covariance(1, 1)) < kDepthSigma * c[1] &&
+          std::sqrt(line.covariance(3, 3)) < kDepthSigma * c[3]))
       continue;
     const Line segment = line_of(id, track);
     line.ends = {segment.a, segment.b};
@@ -56,11 +58,10 @@ void FixedLag::archive(const MarginalPrior::Reduction& reduction, const std::vec
   }
 }
 
-// Segments of the newest window that are not tied to the map yet. A pair counts once the same has been found in some
-// windows in a row.
+// Segments of the newest window that are not tied to the map yet. A pair counts once the same has been found
+// in some windows in a row.
 void FixedLag::associate_with_map() {
   constexpr int kInARow = 3;
-  if (getenv("DBG2") && covariance_) fprintf(stderr,"S %.2f  %.4f %.4f %.4f  rot %.4f %.4f %.4f v %.4f %.4f %.4f prior lines %zu rows %ld cols %ld\n", states_.back().t*1e-9, std::sqrt((*covariance_)(0,0)), std::sqrt((*covariance_)(1,1)), std::sqrt((*covariance_)(2,2)),std::sqrt((*covariance_)(3,3)),std::sqrt((*covariance_)(4,4)),std::sqrt((*covariance_)(5,5)),std::sqrt((*covariance_)(6,6)),std::sqrt((*covariance_)(7,7)),std::sqrt((*covariance_)(8,8)),prior_.lines().size(),(long)prior_.rows().A.rows(),(long)prior_.rows().A.cols());
   if (map_.size() == 0 || !covariance_) return;
   const NavState& now = states_.back();
   const std::size_t window = windows_.size() - 1;
@@ -77,11 +78,11 @@ void FixedLag::associate_with_map() {
   Eigen::Matrix<double, 4, 6> to_offset = Eigen::Matrix<double, 4, 6>::Zero();
   to_offset.topLeftCorner<3, 3>().setIdentity();
   to_offset.bottomRightCorner<1, 3>() = now.T_w_i.R().row(2);
-  Eigen::Matrix4d covariance = kInflation * to_offset * covariance_->topLeftCorner<6, 6>() * to_offset.transpose();
+  Eigen::Matrix4d covariance =
+      kInflation * to_offset * covariance_->topLeftCorner<6, 6>() * to_offset.transpose();
   const double floor = kFloor * typical_depth();
   covariance.diagonal() += Vec4(floor * floor, floor * floor, floor * floor, kFloorYaw * kFloorYaw);
   const auto found = associate(segments, lines, projection_.camera, covariance);
-  if (getenv("DBG")) fprintf(stderr,"W %zu t %.2f seg %zu lines %zu map %zu found %d runner %d off %.3f %.3f %.3f %.4f sig %.3f %.3f %.3f %.4f\n", window, now.t*1e-9, segments.size(), lines.size(), map_.size(), found? (int)found->matches.size():0, found? found->runner_up:0, found?found->offset[0]:0., found?found->offset[1]:0.,found?found->offset[2]:0.,found?found->offset[3]:0., std::sqrt(covariance(0,0)),std::sqrt(covariance(1,1)),std::sqrt(covariance(2,2)),std::sqrt(covariance(3,3)));
   std::map<LineId, std::pair<LineId, int>> proposed;
   if (found)
     for (const LineMatch& match : found->matches) {
@@ -114,8 +115,8 @@ bool FixedLag::tie(LineId id, const ArchivedLine& source) {
     track.line = line;
     track.mapped = true;
   }
-  track.tie = {source, there->first, factor.matrixL().solve(Eigen::Matrix4d::Identity()), windows_.size() - 1, false};
-  if (getenv("DBG")) fprintf(stderr,"TIE %ld -> %ld at %.1f\n",(long)id,(long)source.id, states_.back().t*1e-9);
+  track.tie = {source, there->first, factor.matrixL().solve(Eigen::Matrix4d::Identity()), windows_.size() - 1,
+               false};
   tracks_.at(source.id).continued = true;
   map_.erase(track.tie->source.id);
   return true;
@@ -124,7 +125,6 @@ bool FixedLag::tie(LineId id, const ArchivedLine& source) {
 // The track was not the archived line after all, or cannot say so.
 void FixedLag::release(Track& track) {
   if (!track.tie || track.tie->in_prior) return;
-  if (getenv("DBG")) fprintf(stderr,"RELEASE %ld\n",(long)track.tie->source.id);
   tracks_.at(track.tie->source.id).continued = false;
   map_.insert(std::move(track.tie->source));
   track.tie.reset();
@@ -135,25 +135,34 @@ std::pair<double, double> FixedLag::robust(const Vec4& tie_residual) {
   return {0.5 * kTieScale * std::log1p(squared / kTieScale), 1 / (1 + squared / kTieScale)};
 }
 
-void FixedLag::add_ties(ChainSystem& system, const std::vector<LineId>& ids) const {
+// What is known of single lines beside their observations.
+void FixedLag::add_line_factors(ChainSystem& system, const std::vector<LineId>& ids) const {
   for (const LineId id : ids) {
     const Track& track = tracks_.at(id);
-    if (!track.tie || track.tie->in_prior) continue;
-    const Vec4 residual = track.tie->residual(track.line);
-    const auto [cost, weight] = robust(residual);
     const Eigen::Index column = column_of(ids, id);
-    system.cost += cost;
-    system.line_block.block<4, 4>(column, column) +=
-        weight * track.tie->whitening.transpose() * track.tie->whitening;
-    system.line_gradient.segment<4>(column) += weight * track.tie->whitening.transpose() * residual;
+    const auto add = [&](double weight, const auto& whitening, const auto& residual) {
+      system.line_block.block<4, 4>(column, column) += weight * whitening.transpose() * whitening;
+      system.line_gradient.segment<4>(column) += weight * whitening.transpose() * residual;
+    };
+    if (track.tie && !track.tie->in_prior) {
+      const Vec4 residual = track.tie->residual(track.line);
+      const auto [cost, weight] = robust(residual);
+      system.cost += cost;
+      add(weight, track.tie->whitening, residual);
+    }
+    if (track.depth_prior) {
+      const Vec3 residual = track.depth_prior->residual(track.line);
+      system.cost += 0.5 * residual.squaredNorm();
+      add(1, track.depth_prior->whitening, residual);
+    }
   }
 }
 
 // Ties that all windows since have not contradicted become part of the prior.
 void FixedLag::add_tie_rows(RowStack& rows, std::size_t window, const std::vector<LineId>& ids) {
   constexpr double kContradiction = 25;  // chi-square of four degrees of freedom, far beyond 99.99 %
-  for (const LineId id : ids) {
-    Track& track = tracks_.at(id);
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    Track& track = tracks_.at(ids[k]);
     if (!track.tie || track.tie->in_prior || track.tie->window > window) continue;
     const Vec4 residual = track.tie->residual(track.line);
     if (residual.squaredNorm() > kContradiction) {
@@ -161,7 +170,7 @@ void FixedLag::add_tie_rows(RowStack& rows, std::size_t window, const std::vecto
       continue;
     }
     const double root = std::sqrt(robust(residual).second);
-    rows.add({{2 * kStateDim + column_of(ids, id), root * track.tie->whitening}}, root * residual);
+    rows.add({{kStateDim + MarginalPrior::line_column(k), root * track.tie->whitening}}, root * residual);
     track.tie->in_prior = true;
     const Track& source = tracks_.at(track.tie->source.id);
     track.first_window = source.first_window;

@@ -1,15 +1,18 @@
-// What the fixed lag keeps of the past: the marginal prior over its oldest state and the lines, how it is used and how
-// it is made.
+// What the fixed lag keeps of the past: the marginal prior over its oldest state and the lines, how it is
+// used and how it is made.
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "idol/backend/dense.hpp"
 #include "idol/backend/fixed_lag.hpp"
 
 namespace idol {
-FixedLag::ActivePrior::ActivePrior(MarginalPrior of) : prior(std::move(of)), information(gram(prior.rows().A)) {}
+FixedLag::ActivePrior::ActivePrior(MarginalPrior of)
+    : prior(std::move(of)), information(gram(prior.rows().A)) {}
 
-void FixedLag::add_prior(ChainSystem& system, const ActivePrior& active, const std::vector<LineId>& ids) const {
+void FixedLag::add_prior(ChainSystem& system, const ActivePrior& active,
+                         const std::vector<LineId>& ids) const {
   const MarginalPrior& prior = active.prior;
   const Eigen::MatrixXd& R = prior.rows().A;
   with_prior_variables([&](const PriorVariables& now) {
@@ -20,17 +23,16 @@ void FixedLag::add_prior(ChainSystem& system, const ActivePrior& active, const s
     system.cost += 0.5 * residual.squaredNorm();
     system.diagonal[0] += T.transpose() * HT;
     system.state_gradient[0] += T.transpose() * g;
-    // Where each four of its other variables stand in the system.
-    std::vector<Eigen::Index> columns;
-    if (calibration_dim_ > 0) columns.push_back(0);
-    for (const auto& [id, at] : prior.lines()) columns.push_back(column_of(ids, id));
-    for (std::size_t k = 0; k < columns.size(); ++k) {
-      const Eigen::Index row = kStateDim + 4 * static_cast<Eigen::Index>(k);
-      system.lines[0].at(columns[k]) += HT.middleRows<4>(row).transpose();
-      system.line_gradient.segment<4>(columns[k]) += g.segment<4>(row);
-      for (std::size_t l = 0; l < columns.size(); ++l)
-        system.line_block.block<4, 4>(columns[k], columns[l]) +=
-            active.information.block<4, 4>(row, kStateDim + 4 * static_cast<Eigen::Index>(l));
+    // Where each four of its other variables stand, here and in the system.
+    std::vector<std::pair<Eigen::Index, Eigen::Index>> columns;
+    if (calibration_dim_ > 0) columns.emplace_back(prior.calibration_column(), 0);
+    for (std::size_t k = 0; k < prior.lines().size(); ++k)
+      columns.emplace_back(MarginalPrior::line_column(k), column_of(ids, prior.lines()[k].first));
+    for (const auto& [row, to] : columns) {
+      system.lines[0].at(to) += HT.middleRows<4>(row).transpose();
+      system.line_gradient.segment<4>(to) += g.segment<4>(row);
+      for (const auto& [column, beside] : columns)
+        system.line_block.block<4, 4>(to, beside) += active.information.block<4, 4>(row, column);
     }
   });
 }
@@ -43,18 +45,20 @@ void FixedLag::update_dormant_lines(const MarginalPrior::Reduction& reduction) {
   if (!step.allFinite()) return;
   for (std::size_t k = 0; k < reduction.eliminated.size(); ++k) {
     const auto& [id, at] = reduction.eliminated[k];
-    tracks_.at(id).line.coordinates = at + step.segment<4>(4 * static_cast<Eigen::Index>(k));
+    Track& track = tracks_.at(id);
+    track.line.coordinates = at + step.segment<4>(4 * static_cast<Eigen::Index>(k));
+    track.dead = track.dead || !track.line.finite();
   }
 }
 
-// IMU, bias walk and stationarity between the first two states, over [old state, state, ...].
-void FixedLag::add_inertial_rows(RowStack& rows, std::size_t window) const {
+// IMU, bias walk and stationarity between the first two states, whose columns begin at 0 and `next`.
+void FixedLag::add_inertial_rows(RowStack& rows, std::size_t window, Eigen::Index next) const {
   const WindowRows w = window_rows(window);
   const Mat9& whitening = inertial_[window]->whitening;
-  rows.add({{0, whitening * w.imu.d_from}, {kStateDim, whitening * w.imu.d_to}}, whitening * w.imu.value);
+  rows.add({{0, whitening * w.imu.d_from}, {next, whitening * w.imu.d_to}}, whitening * w.imu.value);
   const Eigen::Matrix<double, 8, 1> walk = w.walk_weight.cwiseSqrt();
-  rows.add({{9, -Eigen::MatrixXd(walk.asDiagonal())}, {kStateDim + 9, Eigen::MatrixXd(walk.asDiagonal())}},
-         walk.cwiseProduct(w.walk));
+  rows.add({{9, -Eigen::MatrixXd(walk.asDiagonal())}, {next + 9, Eigen::MatrixXd(walk.asDiagonal())}},
+           walk.cwiseProduct(w.walk));
   if (w.rest_weight > 0) {
     const double root = std::sqrt(w.rest_weight);
     rows.add({{6, root * Mat3::Identity()}}, root * states_[window].v_w);
@@ -62,25 +66,28 @@ void FixedLag::add_inertial_rows(RowStack& rows, std::size_t window) const {
   if (w.rest_turn_weight > 0) {
     const double root = std::sqrt(w.rest_turn_weight);
     const Mat3 to = right_jacobian_inverse(w.turn);
-    rows.add({{3, -root * to.transpose()}, {kStateDim + 3, root * to}}, root * w.turn);
+    rows.add({{3, -root * to.transpose()}, {next + 3, root * to}}, root * w.turn);
   }
 }
 
-// What the window saw of the lines `ids`, over [old state, state, calibration, lines]. Each line's many rows are first
-// reduced to those about the line, at most four, and others about state and calibration alone, which then are reduced
-// together.
+// What the window saw of the lines `ids`, over [old state, lines, calibration, ...]. Each line's many rows
+// are first reduced to those about the line, at most four, and others about state and calibration alone,
+// which then are reduced together.
 void FixedLag::add_line_rows(RowStack& rows, std::size_t window, const std::vector<LineId>& ids) const {
   const std::vector<SightSystem> sights = sight_systems(window);
   const Eigen::Index others = calibration_dim_ + kStateDim, width = 4 + others + 1;
-  const auto add = [&](Eigen::Ref<const Eigen::MatrixXd> block, Eigen::Index line_column, Eigen::Index line_width) {
+  const auto add = [&](Eigen::Ref<const Eigen::MatrixXd> block, Eigen::Index line_column,
+                       Eigen::Index line_width) {
     const auto calibration = block.middleCols(line_width, calibration_dim_);
     const auto state = block.middleCols(line_width + calibration_dim_, kStateDim);
-    rows.add({{line_column, block.leftCols(line_width)}, {2 * kStateDim, calibration}, {0, state}},
-           block.rightCols<1>());
+    rows.add({{line_column, block.leftCols(line_width)},
+              {kStateDim + 4 * std::ssize(ids), calibration},
+              {0, state}},
+             block.rightCols<1>());
   };
   Eigen::MatrixXd shared(0, others + 1);
-  for (LineId id : ids) {
-    const Track& track = tracks_.at(id);
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const Track& track = tracks_.at(ids[k]);
     std::vector<Eigen::Matrix<double, 2, Eigen::Dynamic>> seen_rows;
     for (const auto& seen : track.seen) {
       if (seen.window != window || seen.rejected) continue;
@@ -96,10 +103,11 @@ void FixedLag::add_line_rows(RowStack& rows, std::size_t window, const std::vect
     }
     if (seen_rows.empty()) continue;
     Eigen::MatrixXd block(2 * std::ssize(seen_rows), width);
-    for (std::size_t k = 0; k < seen_rows.size(); ++k) block.middleRows<2>(2 * static_cast<Eigen::Index>(k)) = seen_rows[k];
+    for (std::size_t i = 0; i < seen_rows.size(); ++i)
+      block.middleRows<2>(2 * static_cast<Eigen::Index>(i)) = seen_rows[i];
     replace_by_triangular_factor(block);
     const Eigen::Index about_line = std::min<Eigen::Index>(4, block.rows()), rest = block.rows() - about_line;
-    add(block.topRows(about_line), kStateDim + column_of(ids, id) + kStateDim, 4);
+    add(block.topRows(about_line), kStateDim + MarginalPrior::line_column(k), 4);
     shared.conservativeResize(shared.rows() + rest, Eigen::NoChange);
     shared.bottomRows(rest) = block.bottomRightCorner(rest, others + 1);
   }
@@ -107,28 +115,47 @@ void FixedLag::add_line_rows(RowStack& rows, std::size_t window, const std::vect
   add(shared, 0, 0);
 }
 
-// The oldest state and all that was seen from it become part of the prior.
+// The oldest state and all that was seen from it become part of the prior. Lines that no later window has
+// seen come first, the longest unseen of them before the others: they are the next to be eliminated.
 void FixedLag::marginalise_oldest() {
   std::vector<LineId> ids;
   for (const auto& [id, at] : prior_.lines()) ids.push_back(id);
+  std::sort(ids.begin(), ids.end());
+  RowStack rows;
+  std::vector<LineId> fresh;
   for (auto& [id, track] : tracks_)
-    if (track.mapped && !track.dead &&
+    if (track.mapped && !track.dead && !std::binary_search(ids.begin(), ids.end(), id) &&
         std::any_of(track.seen.begin(), track.seen.end(),
                     [&](const Observation& o) { return o.window == first_ && !o.rejected; }))
-      ids.push_back(id);
-  std::sort(ids.begin(), ids.end());
-  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+      fresh.push_back(id);
+  ids.insert(ids.end(), fresh.begin(), fresh.end());
+  const auto seen_later = [&](LineId id) {
+    const auto& seen = tracks_.at(id).seen;
+    return std::any_of(seen.begin(), seen.end(), [&](const Observation& o) { return o.window > first_; });
+  };
+  std::sort(ids.begin(), ids.end(), [&](LineId a, LineId b) {
+    const auto key = [&](LineId id) { return std::tuple(seen_later(id), tracks_.at(id).last_window, id); };
+    return key(a) < key(b);
+  });
 
-  RowStack rows;
+  const Eigen::Index calibration = kStateDim + 4 * std::ssize(ids), next = calibration + calibration_dim_;
+  const auto column_in_rows = [&](LineId id) {
+    return kStateDim + 4 * (std::find(ids.begin(), ids.end(), id) - ids.begin());
+  };
   with_prior_variables([&](const PriorVariables& now) {
     const LeastSquaresRows before = prior_.linearised(now);
-    Eigen::MatrixXd others = Eigen::MatrixXd::Zero(before.A.rows(), calibration_dim_ + 4 * std::ssize(ids));
-    others.leftCols(calibration_dim_) = before.A.middleCols(kStateDim, calibration_dim_);
+    Eigen::MatrixXd lines = Eigen::MatrixXd::Zero(before.A.rows(), 4 * std::ssize(ids));
     for (std::size_t k = 0; k < prior_.lines().size(); ++k)
-      others.middleCols<4>(column_of(ids, prior_.lines()[k].first)) = before.A.middleCols<4>(prior_.column(k));
-    rows.add({{0, before.A.leftCols<kStateDim>()}, {2 * kStateDim, others}}, before.b);
+      lines.middleCols<4>(column_in_rows(prior_.lines()[k].first) - kStateDim) =
+          before.A.middleCols<4>(MarginalPrior::line_column(k));
+    rows.add({{0, before.A.rightCols<kStateDim>()},
+              {kStateDim, lines},
+              {calibration, before.A.middleCols(prior_.calibration_column(), calibration_dim_)}},
+             before.b);
   });
-  add_inertial_rows(rows, first_);
+  for (const LineId id : fresh)
+    rows.add({{column_in_rows(id), kLeastInformation * Eigen::Matrix4d::Identity()}}, Vec4::Zero());
+  add_inertial_rows(rows, first_, next);
   add_line_rows(rows, first_, ids);
   add_tie_rows(rows, first_, ids);
 
@@ -137,7 +164,8 @@ void FixedLag::marginalise_oldest() {
   ++first_;
   std::vector<std::pair<LineId, Vec4>> lines;
   for (LineId id : ids) lines.emplace_back(id, tracks_.at(id).line.coordinates);
-  prior_ = marginalise(rows.stacked(2 * kStateDim + calibration_dim_ + 4 * std::ssize(ids)), states_[first_], calibration_.head(calibration_dim_), std::move(lines));
+  prior_ = marginalise(rows.stacked(next + kStateDim), states_[first_], calibration_.head(calibration_dim_),
+                       std::move(lines));
   for (auto& [id, track] : tracks_) {
     // In the order of windows; pieces of a line give it several observations in one.
     const auto active = std::find_if(track.seen.begin(), track.seen.end(),
@@ -171,6 +199,7 @@ void FixedLag::forget() {
   for (const auto& [id, at] : prior_.lines())
     if (!tracks_.at(id).dead && std::find(old.begin(), old.end(), id) == old.end()) kept.push_back(id);
   if (kept.size() == prior_.lines().size()) return;
+  std::sort(kept.begin(), kept.end());
   MarginalPrior::Reduction reduction = prior_.reduced(kept);
   archive(reduction, old);
   prior_ = std::move(reduction.prior);

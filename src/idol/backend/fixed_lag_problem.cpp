@@ -192,7 +192,7 @@ ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const ActivePrio
     }
   }
   for (std::size_t slot = 0; slot < sights.size(); ++slot) add_sights(system, sights[slot], slot);
-  add_ties(system, ids);
+  add_line_factors(system, ids);
   return system;
 }
 
@@ -202,6 +202,7 @@ double FixedLag::cost(const std::vector<LineId>& ids, const ActivePrior& prior) 
   for (LineId id : ids) {
     const Track& track = tracks_.at(id);
     if (track.tie && !track.tie->in_prior) sum += robust(track.tie->residual(track.line)).first;
+    if (track.depth_prior) sum += 0.5 * track.depth_prior->residual(track.line).squaredNorm();
     for (const auto& seen : track.seen) {
       if (seen.rejected) continue;
       for (const LineBin& bin : seen.bins)

@@ -1,7 +1,6 @@
 #include "idol/estimation/marginal_prior.hpp"
 
 #include <algorithm>
-#include <numeric>
 
 #include "idol/backend/dense.hpp"
 
@@ -36,34 +35,21 @@ Eigen::Matrix<double, kStateDim, 4> gauge_directions(const NavState& state) {
 
 }  // namespace
 
-MarginalPrior::MarginalPrior(const NavState& state, Eigen::VectorXd calibration, LeastSquaresRows rows)
-    : state_(state), calibration_(std::move(calibration)), rows_(std::move(rows)) {}
-
-void MarginalPrior::add_line(LineId id, const Vec4& at, const Eigen::Matrix<double, Eigen::Dynamic, 4>& rows) {
-  const auto place = std::lower_bound(lines_.begin(), lines_.end(), id,
-                                      [](const auto& line, LineId other) { return line.first < other; });
-  const Eigen::Index before = column(static_cast<std::size_t>(place - lines_.begin())), n = rows_.A.cols(),
-                     m = rows_.A.rows();
-  lines_.emplace(place, id, at);
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(m + rows.rows(), n + 4);
-  A.topLeftCorner(m, before) = rows_.A.leftCols(before);
-  A.topRightCorner(m, n - before) = rows_.A.rightCols(n - before);
-  A.block(m, before, rows.rows(), 4) = rows;
-  rows_.A = std::move(A);
-  rows_.b.conservativeResize(m + rows.rows());
-  rows_.b.tail(rows.rows()).setZero();
-}
+MarginalPrior::MarginalPrior(const NavState& state, Eigen::VectorXd calibration,
+                             std::vector<std::pair<LineId, Vec4>> lines, LeastSquaresRows rows)
+    : state_(state), calibration_(std::move(calibration)), lines_(std::move(lines)), rows_(std::move(rows)) {}
 
 // (N_0 - N) times the move that takes the present state along, and the identity in the state's own rows.
 MarginalPrior::StateColumns MarginalPrior::transport(const PriorVariables& now) const {
   const Eigen::Index n = rows_.A.cols();
   GaugeDirections here = GaugeDirections::Zero(n, 4), there = GaugeDirections::Zero(n, 4);
   const Mat3 turn = rotation_jacobian(state_, now.state);
-  here.topRows<kStateDim>() = gauge_directions(now.state);
-  here.block<3, 1>(3, 3) = turn * here.block<3, 1>(3, 3);
-  there.topRows<kStateDim>() = gauge_directions(state_);
+  Eigen::Matrix<double, kStateDim, 4> of_state = gauge_directions(now.state);
+  of_state.block<3, 1>(3, 3) = turn * of_state.block<3, 1>(3, 3);
+  here.bottomRows<kStateDim>() = of_state;
+  there.bottomRows<kStateDim>() = gauge_directions(state_);
   for (std::size_t k = 0; k < lines_.size(); ++k) {
-    const Eigen::Index row = column(k);
+    const Eigen::Index row = line_column(k);
     AnchoredLine line = now.line(lines_[k].first);
     here.middleRows<4>(row) = line.world_moves();
     line.coordinates = lines_[k].second;
@@ -71,19 +57,19 @@ MarginalPrior::StateColumns MarginalPrior::transport(const PriorVariables& now) 
   }
   Eigen::Matrix<double, 4, kStateDim> move = Eigen::Matrix<double, 4, kStateDim>::Zero();
   move.topLeftCorner<3, 3>().setIdentity();
-  const RowVec3 yaw = here.block<3, 1>(3, 3).transpose() / here.block<3, 1>(3, 3).squaredNorm();
+  const RowVec3 yaw = of_state.block<3, 1>(3, 3).transpose() / of_state.block<3, 1>(3, 3).squaredNorm();
   move.block<1, 3>(3, 3) = yaw;
-  move.block<3, 3>(0, 3) = -here.col(3).head<3>() * yaw;
+  move.block<3, 3>(0, 3) = -of_state.col(3).head<3>() * yaw;
   StateColumns out = (there - here) * move;
-  out.topRows<kStateDim>() += StateMat::Identity();
+  out.bottomRows<kStateDim>() += StateMat::Identity();
   return out;
 }
 
 Eigen::VectorXd MarginalPrior::change(const PriorVariables& now) const {
   Eigen::VectorXd d = Eigen::VectorXd::Zero(rows_.A.cols());
-  d.segment(kStateDim, calibration_.size()) = now.calibration - calibration_;
   for (std::size_t k = 0; k < lines_.size(); ++k)
-    d.segment<4>(column(k)) = now.line(lines_[k].first).coordinates - lines_[k].second;
+    d.segment<4>(line_column(k)) = now.line(lines_[k].first).coordinates - lines_[k].second;
+  d.segment(calibration_column(), calibration_.size()) = now.calibration - calibration_;
   return d + transport(now) * difference(state_, now.state);
 }
 
@@ -95,43 +81,52 @@ MarginalPrior::StateColumns MarginalPrior::by_state(const PriorVariables& now) c
 
 LeastSquaresRows MarginalPrior::linearised(const PriorVariables& now) const {
   LeastSquaresRows out{rows_.A, rows_.A * change(now) + rows_.b};
-  out.A.leftCols<kStateDim>() = rows_.A * by_state(now);
+  out.A.rightCols<kStateDim>() = rows_.A * by_state(now);
   return out;
 }
 
+// The leading lines that go are eliminated already: R is triangular. Only what stands behind the first line
+// that stays is factored again.
 MarginalPrior::Reduction MarginalPrior::reduced(const std::vector<LineId>& ids) const {
+  const auto stays = [&](const auto& line) { return std::binary_search(ids.begin(), ids.end(), line.first); };
   Reduction out;
-  MarginalPrior& kept = out.prior;
-  kept.state_ = state_;
-  kept.calibration_ = calibration_;
-  std::vector<Eigen::Index> order, rest(static_cast<std::size_t>(column(0)));
-  std::iota(rest.begin(), rest.end(), 0);
-  for (std::size_t k = 0; k < lines_.size(); ++k) {
-    const bool keep = std::binary_search(ids.begin(), ids.end(), lines_[k].first);
-    (keep ? kept.lines_ : out.eliminated).push_back(lines_[k]);
-    for (Eigen::Index i = 0; i < 4; ++i) (keep ? rest : order).push_back(column(k) + i);
+  const auto first = std::find_if(lines_.begin(), lines_.end(), stays);
+  out.eliminated.assign(lines_.begin(), first);
+  const Eigen::Index leading = 4 * (first - lines_.begin()), n = rows_.A.cols();
+  std::vector<std::pair<LineId, Vec4>> kept;
+  std::vector<Eigen::Index> order, rest;
+  for (auto line = first; line != lines_.end(); ++line) {
+    (stays(*line) ? kept : out.eliminated).push_back(*line);
+    for (Eigen::Index i = 0; i < 4; ++i)
+      (stays(*line) ? rest : order).push_back(4 * (line - lines_.begin()) + i);
   }
-  const auto count = std::ssize(order);
-  if (count == 0) {
-    kept.rows_ = rows_;
-    return out;
-  }
+  const auto others = std::ssize(order);
   order.insert(order.end(), rest.begin(), rest.end());
-  kept.rows_ = {rows_.A(Eigen::all, order), rows_.b};
-  out.rest = eliminate_leading(kept.rows_, count);
+  for (Eigen::Index i = calibration_column(); i < n; ++i) order.push_back(i);
+  LeastSquaresRows rows{rows_.A(Eigen::seq(leading, n - 1), order), rows_.b.tail(n - leading)};
+  EliminatedVariables behind;
+  if (others > 0) behind = eliminate_leading(rows, others);
+  const Eigen::Index gone = leading + others;
+  out.rest = {Eigen::MatrixXd::Zero(gone, gone), Eigen::MatrixXd(gone, n - gone), Eigen::VectorXd(gone)};
+  const Eigen::MatrixXd beside = rows_.A(Eigen::seqN(0, leading), order);
+  out.rest.R.topLeftCorner(leading, leading) = rows_.A.topLeftCorner(leading, leading);
+  out.rest.R.topRightCorner(leading, others) = beside.leftCols(others);
+  out.rest.W.topRows(leading) = beside.rightCols(n - gone);
+  out.rest.y.head(leading) = rows_.b.head(leading);
+  if (others > 0) {
+    out.rest.R.bottomRightCorner(others, others) = behind.R;
+    out.rest.W.bottomRows(others) = behind.W;
+    out.rest.y.tail(others) = behind.y;
+  }
+  out.prior = MarginalPrior(state_, calibration_, std::move(kept), std::move(rows));
   return out;
 }
 
 // With all rows [R_e W; 0 R_k] triangular: R_e^-1 (I + W (R_k' R_k)^-1 W') R_e^-T.
 Eigen::MatrixXd MarginalPrior::Reduction::covariance() const {
-  const Eigen::MatrixXd& kept = prior.rows().A;
-  const Eigen::Index n = kept.cols();
-  Eigen::MatrixXd R_k(kept.rows() + n, n);
-  R_k << kept, kLeastInformation * Eigen::MatrixXd::Identity(n, n);
-  replace_by_triangular_factor(R_k);
   Eigen::MatrixXd Z = rest.W.transpose();
-  R_k.transpose().triangularView<Eigen::Lower>().solveInPlace(Z);
-  Eigen::MatrixXd M = Z.transpose() * Z;
+  prior.rows().A.transpose().triangularView<Eigen::Lower>().solveInPlace(Z);
+  Eigen::MatrixXd M = gram(Z);
   M.diagonal().array() += 1;
   rest.R.triangularView<Eigen::Upper>().solveInPlace(M);
   M.transposeInPlace();
@@ -139,12 +134,10 @@ Eigen::MatrixXd MarginalPrior::Reduction::covariance() const {
   return M;
 }
 
-MarginalPrior marginalise(const LeastSquaresRows& rows, const NavState& state, const Eigen::VectorXd& calibration,
+MarginalPrior marginalise(LeastSquaresRows rows, const NavState& state, const Eigen::VectorXd& calibration,
                           std::vector<std::pair<LineId, Vec4>> lines) {
-  MarginalPrior out(state, calibration, rows);
-  eliminate_leading(out.rows_, kStateDim);
-  out.lines_ = std::move(lines);
-  return out;
+  eliminate_leading(rows, kStateDim);
+  return {state, calibration, std::move(lines), std::move(rows)};
 }
 
 }  // namespace idol

@@ -6,7 +6,8 @@
 
 namespace idol {
 
-void RowStack::add(std::initializer_list<std::pair<Eigen::Index, Eigen::MatrixXd>> blocks, Eigen::VectorXd b) {
+void RowStack::add(std::initializer_list<std::pair<Eigen::Index, Eigen::MatrixXd>> blocks,
+                   Eigen::VectorXd b) {
   rows_ += b.size();
   pieces_.push_back({{blocks.begin(), blocks.end()}, std::move(b)});
 }
@@ -15,7 +16,8 @@ LeastSquaresRows RowStack::stacked(Eigen::Index variables) const {
   LeastSquaresRows out{Eigen::MatrixXd::Zero(rows_, variables), Eigen::VectorXd(rows_)};
   Eigen::Index row = 0;
   for (const Piece& piece : pieces_) {
-    for (const auto& [column, block] : piece.blocks) out.A.block(row, column, block.rows(), block.cols()) = block;
+    for (const auto& [column, block] : piece.blocks)
+      out.A.block(row, column, block.rows(), block.cols()) = block;
     out.b.segment(row, piece.b.size()) = piece.b;
     row += piece.b.size();
   }
@@ -30,17 +32,15 @@ Eigen::VectorXd EliminatedVariables::given(const Eigen::VectorXd& kept) const {
 
 EliminatedVariables eliminate_leading(LeastSquaresRows& rows, Eigen::Index count) {
   const Eigen::Index n = rows.A.cols(), m = rows.A.rows(), kept = n - count;
-  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(m + count, n + 1);
+  // Fewer rows than variables would leave R without its triangular shape.
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(std::max(m, n + 1), n + 1);
   all.topLeftCorner(m, n) = rows.A;
   all.col(n).head(m) = rows.b;
-  all.block(m, 0, count, count).diagonal().setConstant(kLeastInformation);
   replace_by_triangular_factor(all);
-  const EliminatedVariables out{all.topLeftCorner(count, count), all.block(0, count, count, kept), all.col(n).head(count)};
-  // The last row of the factor, if it is beyond the variables, is the smallest cost that they allow: a constant.
-  const Eigen::Index left = std::min(all.rows() - count, kept);
-  rows.A = all.block(count, count, left, kept);
-  rows.b = all.col(n).segment(count, left);
-  return out;
+  // The last row is the smallest cost that the variables allow: a constant.
+  rows.A = all.block(count, count, kept, kept);
+  rows.b = all.col(n).segment(count, kept);
+  return {all.topLeftCorner(count, count), all.block(0, count, count, kept), all.col(n).head(count)};
 }
 
 }  // namespace idol

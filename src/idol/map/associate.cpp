@@ -13,17 +13,17 @@ namespace {
 
 using Jacobian = Eigen::Matrix<double, 2, 4>;
 
-constexpr double kSigmaPx = 1.0;    // of a segment's end across the line: its own error, tilt and calibration
-constexpr double kInlierPx = 2.5;   // 2.5 sigma
-constexpr double kNearest = 0.05;   // [m] in front of the camera
-constexpr double kGate = 13.8;      // chi-square of two degrees of freedom, 99.9 %
-constexpr int kFewest = 6;          // matches: four unknowns leave eight of twelve numbers to contradict
-constexpr double kSecondBest = 0.6; // share of the matches that a contradicting offset may have
+constexpr double kSigmaPx = 1.0;   // of a segment's end across the line: its own error, tilt and calibration
+constexpr double kInlierPx = 2.5;  // 2.5 sigma
+constexpr double kNearest = 0.05;  // [m] in front of the camera
+constexpr double kGate = 13.8;     // chi-square of two degrees of freedom, 99.9 %
+constexpr int kFewest = 6;         // matches: four unknowns leave eight of twelve numbers to contradict
+constexpr double kSecondBest = 0.6;  // share of the matches that a contradicting offset may have
 constexpr std::size_t kMostHypotheses = 400;
 
 struct Pair {
   std::size_t segment = 0, line = 0;
-  Vec2 distance = Vec2::Zero();           // of the segment's ends from the line's image [px]
+  Vec2 distance = Vec2::Zero();  // of the segment's ends from the line's image [px]
   Jacobian by_offset = Jacobian::Zero();
 };
 
@@ -57,12 +57,14 @@ std::optional<Pair> compare(const ImageSegment& segment, const MapSegment& line,
                             const Camera& camera, double slack) {
   const Pose T_c_w = T_w_c.inverse();
   const auto visible = in_front({T_c_w * line.ends.a, T_c_w * line.ends.b});
-  if (!visible || !overlap(segment, camera.project(visible->a), camera.project(visible->b), slack)) return std::nullopt;
+  if (!visible || !overlap(segment, camera.project(visible->a), camera.project(visible->b), slack))
+    return std::nullopt;
   const auto image = ImageLine::through(visible->a, visible->b, camera);
   if (!image) return std::nullopt;
   Pair out;
   const Mat3 R_c_w = T_c_w.R();
-  // x_c = R_c_w (x_w - p): a shift of the camera moves points back, a turn about the vertical turns them back.
+  // x_c = R_c_w (x_w - p): a shift of the camera moves points back, a turn about the vertical turns them
+  // back.
   const auto by_offset = [&](const Vec3& x_c) {
     Eigen::Matrix<double, 3, 4> d;
     d << -R_c_w, -R_c_w * Vec3::UnitZ().cross(R_c_w.transpose() * x_c);
@@ -117,7 +119,8 @@ int support(const std::vector<Pair>& pairs, const std::vector<std::size_t>& chos
 }
 
 // Most probable offset, by its prior and the chosen pairs.
-MapOffset solve(const std::vector<Pair>& pairs, std::span<const std::size_t> chosen, const Eigen::Matrix4d& information) {
+MapOffset solve(const std::vector<Pair>& pairs, std::span<const std::size_t> chosen,
+                const Eigen::Matrix4d& information) {
   Eigen::Matrix4d H = information;
   MapOffset g = MapOffset::Zero();
   for (const std::size_t k : chosen) {
@@ -128,7 +131,8 @@ MapOffset solve(const std::vector<Pair>& pairs, std::span<const std::size_t> cho
 }
 
 // Whether two offsets put most of the chosen lines at different places in the image.
-bool contradict(const std::vector<Pair>& pairs, const std::vector<std::size_t>& chosen, const MapOffset& difference) {
+bool contradict(const std::vector<Pair>& pairs, const std::vector<std::size_t>& chosen,
+                const MapOffset& difference) {
   std::size_t apart = 0;
   for (const std::size_t k : chosen)
     apart += (pairs[k].by_offset * difference).cwiseAbs().maxCoeff() > 2 * kInlierPx ? 1 : 0;
@@ -137,18 +141,21 @@ bool contradict(const std::vector<Pair>& pairs, const std::vector<std::size_t>& 
 
 }  // namespace
 
-std::optional<Association> associate(std::span<const ImageSegment> segments, std::span<const MapSegment> lines,
-                                     const Camera& camera, const Eigen::Matrix4d& covariance) {
+std::optional<Association> associate(std::span<const ImageSegment> segments,
+                                     std::span<const MapSegment> lines, const Camera& camera,
+                                     const Eigen::Matrix4d& covariance) {
   const std::vector<Pair> pairs = candidates(segments, lines, camera, covariance);
   const Eigen::Matrix4d information = covariance.inverse();
   if (std::ssize(pairs) < kFewest) return std::nullopt;
   std::vector<std::pair<int, MapOffset>> hypotheses{{0, MapOffset::Zero()}};
   // Two pairs fix most of an offset; of all twos a fixed number, spread evenly.
-  const std::size_t twos = pairs.size() * (pairs.size() - 1) / 2, step = std::max<std::size_t>(1, twos / kMostHypotheses);
+  const std::size_t twos = pairs.size() * (pairs.size() - 1) / 2,
+                    step = std::max<std::size_t>(1, twos / kMostHypotheses);
   std::size_t count = 0;
   for (std::size_t i = 0; i < pairs.size(); ++i)
     for (std::size_t j = i + 1; j < pairs.size(); ++j) {
-      if (count++ % step != 0 || pairs[i].segment == pairs[j].segment || pairs[i].line == pairs[j].line) continue;
+      if (count++ % step != 0 || pairs[i].segment == pairs[j].segment || pairs[i].line == pairs[j].line)
+        continue;
       const std::size_t two[] = {i, j};
       hypotheses.emplace_back(0, solve(pairs, two, information));
     }
@@ -167,14 +174,16 @@ std::optional<Association> associate(std::span<const ImageSegment> segments, std
   // At that offset itself, not to first order.
   std::erase_if(chosen, [&](std::size_t k) {
     const ImageSegment& segment = segments[pairs[k].segment];
-    const auto exact = compare(segment, lines[pairs[k].line], moved(segment.T_w_c, out.offset), camera, kInlierPx);
+    const auto exact =
+        compare(segment, lines[pairs[k].line], moved(segment.T_w_c, out.offset), camera, kInlierPx);
     return !exact || exact->distance.cwiseAbs().maxCoeff() > kInlierPx;
   });
   const int matches = support(pairs, chosen);
   for (const auto& [number, offset] : hypotheses)
     if (number > out.runner_up && contradict(pairs, chosen, offset - out.offset)) out.runner_up = number;
   if (matches < kFewest || out.runner_up > kSecondBest * matches) return std::nullopt;
-  for (const std::size_t k : chosen) out.matches.push_back({segments[pairs[k].segment].id, lines[pairs[k].line].id});
+  for (const std::size_t k : chosen)
+    out.matches.push_back({segments[pairs[k].segment].id, lines[pairs[k].line].id});
   return out;
 }
 

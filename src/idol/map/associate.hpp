@@ -27,8 +27,8 @@ struct LineMatch {
   LineId segment = kNoLine, line = kNoLine;
 };
 
-/// How far the estimate is from the map: shift of the camera [m] along the world's axes, and turn about the vertical
-/// through the camera [rad]. Roll and pitch are known from gravity.
+/// How far the estimate is from the map: shift of the camera [m] along the world's axes, and turn about the
+/// vertical through the camera [rad]. Roll and pitch are known from gravity.
 using MapOffset = Eigen::Vector4d;
 
 struct Association {
@@ -37,10 +37,11 @@ struct Association {
   int runner_up = 0;  ///< matches of the best offset that contradicts this one
 };
 
-/// The offset within its covariance under which most segments lie on lines of the map, and these pairs; nullopt where
-/// too few do, or where another offset explains nearly as many, as in repeating structure.
-std::optional<Association> associate(std::span<const ImageSegment> segments, std::span<const MapSegment> lines,
-                                     const Camera& camera, const Eigen::Matrix4d& offset_covariance);
+/// The offset within its covariance under which most segments lie on lines of the map, and these pairs;
+/// nullopt where too few do, or where another offset explains nearly as many, as in repeating structure.
+std::optional<Association> associate(std::span<const ImageSegment> segments,
+                                     std::span<const MapSegment> lines, const Camera& camera,
+                                     const Eigen::Matrix4d& offset_covariance);
 
 /// Whether a line's image may be within sight, give or take half the image.
 bool may_be_in_sight(const LineEnds& ends, const Pose& T_w_c, const Camera& camera);

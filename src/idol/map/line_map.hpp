@@ -1,4 +1,5 @@
-// The lines that were mapped and are no longer in the estimator's problem, found again by where they can be seen from.
+// The lines that were mapped and are no longer in the estimator's problem, found again by where they can be
+// seen from.
 #pragma once
 
 #include <array>
@@ -16,12 +17,13 @@ struct ArchivedLine {
   LineId id = kNoLine;
   AnchoredLine line;
   Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();  ///< of the line's coordinates, absolute in the world
-  LineEnds ends;          ///< of the segment that was seen [m], in the world
+  LineEnds ends;                                         ///< of the segment that was seen [m], in the world
   double distance_m = 0;  ///< from the camera to the segment's middle when it was seen last
 };
 
-/// Archived lines in hashed grids whose cells are as large as the distance from which a line was seen, one grid for each
-/// power of two: a query looks at a fixed number of cells per grid, however many lines there are.
+/// Archived lines in hashed grids whose cells are as large as the distance from which a line was seen, one
+/// grid for each power of two: a query looks at a fixed number of cells per grid, however many lines there
+/// are.
 class LineMap {
  public:
   void insert(ArchivedLine line);
