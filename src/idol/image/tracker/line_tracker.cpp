@@ -49,10 +49,10 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
 std::size_t LineTracker::batch_length(std::span<const Event> events, Time origin) const {
   const Time step = from_seconds(options_.batch_s);
   const Time end = origin + ((events.front().t - origin) / step + 1) * step;
-  const auto most = std::min(events.size(), static_cast<std::size_t>(options_.batch_events));
-  std::size_t n = 0;
-  while (n < most && events[n].t < end) ++n;
-  return n;
+  const auto most = events.first(std::min(events.size(), static_cast<std::size_t>(options_.batch_events)));
+  const auto after =
+      std::partition_point(most.begin(), most.end(), [&](const Event& e) { return e.t < end; });
+  return static_cast<std::size_t>(after - most.begin());
 }
 
 LineId LineTracker::final_id(LineId id) const {
