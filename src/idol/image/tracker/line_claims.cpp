@@ -7,7 +7,6 @@
 namespace idol {
 namespace {
 
-constexpr int kCell = 3;                   // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = kEndOutside;  // events this far beyond an end are looked at [px]
 constexpr float kOnMargin = 1;             // and this far beyond, they are on the line [px]
 constexpr float kReach = 2;                // distance from a line at which an event is of interest [gates]
@@ -142,35 +141,28 @@ ClaimingLine* settle(const EventColumns& events, const NearestColumns& nearest, 
 
 }  // namespace
 
-LineClaims::LineClaims(const UndistortMap& undistort) : width_(static_cast<std::size_t>(undistort.width())) {
+LineClaims::LineClaims(const UndistortMap& undistort) : undistort_(&undistort) {
   const int w = undistort.width(), h = undistort.height();
   // Strong distortion can throw the corners far out: cells beyond twice the sensor are of no use.
-  Eigen::Vector2f low(1e9F, 1e9F), high(-1e9F, -1e9F);
   const Eigen::Vector2f size(static_cast<float>(w), static_cast<float>(h));
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
-      low = low.cwiseMin(undistort(x, y));
-      high = high.cwiseMax(undistort(x, y));
+      low_ = low_.cwiseMin(undistort(x, y));
+      high_ = high_.cwiseMax(undistort(x, y));
     }
-  low = low.cwiseMax(-size);
-  high = high.cwiseMin(2 * size);
-  low_ = low;
-  cols_ = static_cast<int>((high.x() - low.x()) / kCell) + 1;
-  rows_ = static_cast<int>((high.y() - low.y()) / kCell) + 1;
+  low_ = low_.cwiseMax(-size);
+  high_ = high_.cwiseMin(2 * size);
+  cols_ = static_cast<int>((high_.x() - low_.x()) * kPerCell) + 1;
+  rows_ = static_cast<int>((high_.y() - low_.y()) * kPerCell) + 1;
   cells_.resize(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_));
-  pixels_.reserve(undistort.pixels());
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) {
-      const Eigen::Vector2f p = undistort(x, y), inside = p.cwiseMax(low).cwiseMin(high);
-      const Eigen::Vector2i cell = ((inside - low_) / kCell).cast<int>();
-      pixels_.push_back({p.x(), p.y(), static_cast<std::uint32_t>(cell.y() * cols_ + cell.x())});
-    }
 }
 
 std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::span<ClaimingLine> lines,
                               std::span<const std::uint8_t> isolated, std::uint8_t hot_from, LineId* labels) {
   place_lines(lines, static_cast<float>(std::max(seconds_between(events.front().t, middle),
                                                  seconds_between(middle, events.back().t))));
+  const auto width = static_cast<std::size_t>(undistort_->width());
+  const auto pixel_of = [&](const Event& e) { return e.y * width + e.x; };
   rest_.resize(events.size());
   std::size_t left = 0, hot = 0;
   // Lanes beyond the last event keep what was there before, which names no line that is not there.
@@ -180,13 +172,13 @@ std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::s
     const std::size_t n = std::min(kBlock, events.size() - from);
     for (std::size_t k = 0; k < n; ++k) {
       const Event &e = events[from + k], &later = events[std::min(from + k + kFetchAhead, events.size() - 1)];
-      __builtin_prefetch(&pixels_[pixel_of(later)]);
+      __builtin_prefetch(&(*undistort_)(later.x, later.y));
       __builtin_prefetch(&isolated[pixel_of(later)]);
-      const Pixel& px = pixels_[pixel_of(e)];
-      block.x[k] = px.x, block.y[k] = px.y, block.t[k] = static_cast<float>(e.t - middle) * 1e-9F;
+      const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+      block.x[k] = px.x(), block.y[k] = px.y(), block.t[k] = static_cast<float>(e.t - middle) * 1e-9F;
       block.on[k] = e.polarity ? 1 : 0;
       block.hot[k] = isolated[pixel_of(e)] >= hot_from;
-      block.names[k] = block.hot[k] ? 0 : names_of(cells_[px.cell]);
+      block.names[k] = block.hot[k] ? 0 : names_of(cell_at(px));
     }
     find_nearest(block, n, line_rows_.data(), nearest);
     for (std::size_t k = 0; k < n; ++k) {
@@ -227,17 +219,18 @@ void LineClaims::draw(Names name, const ClaimingLine& line, float band) {
   const bool flat = std::abs(line.dx) > std::abs(line.dy);
   // In cells: walk along the longer axis; at each step those across.
   const float along = flat ? line.dx : line.dy, slope = (flat ? line.dy : line.dx) / along;
-  const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) / kCell;
+  const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) * kPerCell;
   const float p0 = flat ? centre.x() : centre.y(), q0 = flat ? centre.y() : centre.x();
   // A short line grows step by step: where it may end in one step is enough.
   const float margin = std::clamp(0.5F * line.half, 2.5F, kEndMargin);
-  const float from = p0 - (line.half + margin) * along / kCell,
-              to = p0 + (line.half + margin) * along / kCell;
+  const float from = p0 - (line.half + margin) * along * kPerCell,
+              to = p0 + (line.half + margin) * along * kPerCell;
   const int n = flat ? cols_ : rows_, across = flat ? rows_ : cols_;
   const int step = flat ? cols_ : 1, stride = flat ? 1 : cols_;
-  const float reach = band / kCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
+  const float reach = band * kPerCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
   const int first = std::max(0, static_cast<int>(std::floor(std::min(from, to))));
   const int last = std::min(n - 1, static_cast<int>(std::floor(std::max(from, to))));
+  const Cell stamp = batch_ << kStampShift;
   for (int i = first; i <= last; ++i) {
     const float middle = q0 + (static_cast<float>(i) + 0.5F - p0) * slope;
     // Below zero, where this is not the floor, there is no cell.
@@ -245,7 +238,7 @@ void LineClaims::draw(Names name, const ClaimingLine& line, float band) {
     const int high = middle + reach < 0 ? -1 : std::min(across - 1, static_cast<int>(middle + reach));
     Cell* cell = &cells_[static_cast<std::size_t>(i * stride + low * step)];
     for (int j = low; j <= high; ++j, cell += step)
-      *cell = (batch_ << kStampShift) | (((names_of(*cell) << kNameBits) | name) & kNamesMask);
+      *cell = stamp | (((names_of(*cell) << kNameBits) | name) & kNamesMask);
   }
 }
 

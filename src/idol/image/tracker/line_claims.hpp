@@ -64,14 +64,12 @@ class LineClaims {
   // Names, and above them the batch that they are of: those of an earlier one are void, so that no cell has
   // to be wiped.
   using Cell = std::uint64_t;
+  static constexpr float kPerCell = 1.0F / 3;  // [1/px]
   static constexpr int kStampShift = kNameBits * kNamed;
   static constexpr Names kNamesMask = (Names{1} << kStampShift) - 1;
-  struct Pixel {
-    float x, y;  // undistorted
-    std::uint32_t cell;
-  };
-  [[nodiscard]] std::size_t pixel_of(const Event& e) const {
-    return static_cast<std::size_t>(e.y) * width_ + e.x;
+  [[nodiscard]] const Cell& cell_at(const Eigen::Vector2f& px) const {
+    const Eigen::Vector2i at = ((px.cwiseMax(low_).cwiseMin(high_) - low_) * kPerCell).cast<int>();
+    return cells_[static_cast<std::size_t>(at.y() * cols_ + at.x())];
   }
   [[nodiscard]] Names names_of(Cell cell) const {
     return cell >> kStampShift == batch_ ? cell & kNamesMask : 0;
@@ -79,10 +77,9 @@ class LineClaims {
   void place_lines(std::span<const ClaimingLine> lines, float half_span);
   void draw(Names name, const ClaimingLine& line, float band);
 
-  std::size_t width_;
-  std::vector<Pixel> pixels_;
-  // The undistorted plane in cells.
-  Eigen::Vector2f low_ = Eigen::Vector2f::Zero();  // corner of the first cell
+  const UndistortMap* undistort_;
+  // The undistorted plane in cells, from low_ to high_ [px].
+  Eigen::Vector2f low_ = Eigen::Vector2f::Constant(1e9F), high_ = Eigen::Vector2f::Constant(-1e9F);
   int cols_ = 0, rows_ = 0;
   std::vector<Cell> cells_;
   std::vector<LineRow> line_rows_;  // of the batch, for either polarity
