@@ -51,7 +51,9 @@ IDOL_WIDE void find_nearest(const EventColumns& events, std::size_t n, const Lin
     std::memcpy(&t, &events.t[from], kLaneBytes);
     IntLanes place = IntLanes{} - 1, own{}, within{};
     FloatLanes best = zero + kNowhere, second = best, along = zero, across = zero;
-    for (int k = 0; k < LineClaims::kNamed; ++k) {
+    LineClaims::Names any = 0;
+    for (std::size_t i = 0; i < kLanes; ++i) any |= events.names[from + i];
+    for (int k = 0; any >> (k * LineClaims::kNameBits) != 0; ++k) {
       FloatLanes row[kLanes];
       for (std::size_t i = 0; i < kLanes; ++i) {
         const auto name = events.names[from + i] >> (k * LineClaims::kNameBits) & LineClaims::kNameMask;
