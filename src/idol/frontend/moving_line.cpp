@@ -123,7 +123,8 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
   constexpr int kRounds = 3;
   if (events.size() < 8) return std::nullopt;
   TimedPixel mean = TimedPixel::Zero();
-  for (const auto& e : events) mean += e / static_cast<double>(events.size());
+  for (const auto& e : events) mean += e;
+  mean /= static_cast<double>(events.size());
   MovingLine line;
   line.origin = mean.head<2>();
   line.time = mean.z();
@@ -141,13 +142,14 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
     const auto [H, b, squares] = Normal(sums);
     const double n = H(0, 0);
     if (n < 8) return std::nullopt;
-    // A little of the prior "no motion, no bend" keeps short spans from inventing them.
+    // A little of the prior "no motion, no bend" keeps short spans from inventing them, and the matrix
+    // positive definite.
     const Vec6 scale = (H.diagonal() / n).cwiseSqrt().cwiseMax(1e-12);
     const Vec6 inverse = scale.cwiseInverse();
     Mat6 Hs = inverse.asDiagonal() * H * inverse.asDiagonal();
     Hs.diagonal().array() += 1e-4 * n;
     const Vec6 bs = inverse.cwiseProduct(b);
-    line.c = inverse.head<5>().cwiseProduct(Hs.topLeftCorner<5, 5>().ldlt().solve(bs.head<5>()));
+    line.c = inverse.head<5>().cwiseProduct(Hs.topLeftCorner<5, 5>().llt().solve(bs.head<5>()));
     const double left = squares - 2 * line.c.dot(b.head<5>()) + line.c.dot(H.topLeftCorner<5, 5>() * line.c);
     line.rms_px = std::sqrt(std::max(0.0, left) / n);
     gate = std::clamp(2.5 * line.rms_px, 0.5 * gate_px, round == 0 ? 2 * gate_px : gate_px);
@@ -163,7 +165,7 @@ std::optional<MovingLine> fit_moving_line(std::span<const TimedPixel> events, co
     line.u_min = feet[static_cast<std::size_t>(cut)];
     std::partial_sort(feet.begin() + cut, feet.begin() + 2 * cut + 1, feet.end(), std::greater<>());
     line.u_max = feet[static_cast<std::size_t>(2 * cut)];
-    line.bow_px = std::abs((Hs.ldlt().solve(bs))[5] * inverse[5]) * std::pow(line.length_px() / 2, 2);
+    line.bow_px = std::abs((Hs.llt().solve(bs))[5] * inverse[5]) * std::pow(line.length_px() / 2, 2);
   }
   return line;
 }

@@ -4,21 +4,96 @@
 #include <cmath>
 #include <cstring>
 
-#include "idol/base/wide.hpp"
-
 namespace idol {
 namespace {
 
-constexpr int kCell = 3;                   // cells of the image that name the lines in them [px]
 constexpr float kEndMargin = kEndOutside;  // events this far beyond an end are looked at [px]
 constexpr float kOnMargin = 1;             // and this far beyond, they are on the line [px]
+constexpr float kReach = 2;                // distance from a line at which an event is of interest [gates]
+constexpr float kNowhere = 1e9F;           // farther than any line is from any event
 constexpr std::size_t kFetchAhead = 8;     // events whose memory is fetched before their turn
+// Events at a time: what is known of them, 54 bytes each, stays in a first-level cache of 32 kB.
+constexpr std::size_t kBlock = 256;
 
-// A line that an event is near to: along it, across it [px].
-struct Candidate {
-  ClaimingLine* line;
-  float u, r;
+template <class T>
+using Column = std::array<T, kBlock>;
+
+// Events of a block: undistorted [px], from the batch's middle [s], 1 where the polarity is on, else 0; of a
+// hot pixel; the lines that pass its cell.
+struct EventColumns {
+  Column<float> x, y, t;
+  Column<std::int32_t> on;
+  Column<bool> hot;
+  Column<LineClaims::Names> names;
 };
+
+// And for each, of the lines named: the nearest that reaches to it and fires with its polarity, its place
+// among the names, -1 for none.
+struct NearestColumns {
+  Column<std::int32_t> place;
+  // Distances from it and from the second nearest [gates], by kReach more beyond an end; the event's place
+  // along it and across it [px].
+  Column<float> best, second, u, r;
+  // A bit for each name: the event is inside the line's gate and extent, of whatever polarity; it is inside
+  // the gate and has the polarity.
+  Column<std::int32_t> own, within;
+};
+
+// Eight events at a time, against the first line that each names, then the second, ... `rows`: of each line,
+// for either polarity, after two of none. There is no branch on what comes out: it is as good as random, and
+// at each wrong guess a processor drops its work on the events that follow.
+IDOL_WIDE void find_nearest(const EventColumns& events, std::size_t n, const LineClaims::LineRow* rows,
+                            NearestColumns& out) {
+  const FloatLanes zero{};
+  for (std::size_t from = 0; from < n; from += kLanes) {
+    FloatLanes px, py, t;
+    std::memcpy(&px, &events.x[from], kLaneBytes), std::memcpy(&py, &events.y[from], kLaneBytes);
+    std::memcpy(&t, &events.t[from], kLaneBytes);
+    IntLanes place = IntLanes{} - 1, own{}, within{};
+    FloatLanes best = zero + kNowhere, second = best, along = zero, across = zero;
+    LineClaims::Names any = 0;
+    for (std::size_t i = 0; i < kLanes; ++i) any |= events.names[from + i];
+    for (int k = 0; any >> (k * LineClaims::kNameBits) != 0; ++k) {
+      FloatLanes row[kLanes];
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        const auto name = events.names[from + i] >> (k * LineClaims::kNameBits) & LineClaims::kNameMask;
+        std::memcpy(&row[i], &rows[2 * name + static_cast<std::size_t>(events.on[from + i])], kLaneBytes);
+      }
+      transpose(row);
+      const auto& [cx, cy, dx, dy, half, rate, turn, gate] = row;
+      const FloatLanes x = px - cx, y = py - cy;
+      const FloatLanes u = dx * x + dy * y, r = dx * y - dy * x - (rate + turn * u) * t;
+      const FloatLanes off = (r < zero ? -r : r) / (gate < zero ? -gate : gate);
+      const FloatLanes beyond = (u < zero ? -u : u) - half;
+      const IntLanes near = (off < kReach) & (beyond <= kEndMargin), on = near & (beyond < kOnMargin);
+      const IntLanes fits = near & (gate > zero), bit = IntLanes{} + (1 << k);
+      // Lines that reach here go before those that might only grow to here.
+      const FloatLanes rank = fits ? off + (on ? zero : zero + kReach) : zero + kNowhere;
+      const IntLanes better = rank < best;
+      const FloatLanes other = better ? best : rank;
+      second = other < second ? other : second;
+      best = better ? rank : best;
+      place = better ? IntLanes{} + k : place;
+      along = better ? u : along, across = better ? r : across;
+      own |= on & (off < 1) & bit, within |= fits & (off < 1) & bit;
+    }
+    std::memcpy(&out.place[from], &place, kLaneBytes), std::memcpy(&out.best[from], &best, kLaneBytes);
+    std::memcpy(&out.second[from], &second, kLaneBytes), std::memcpy(&out.u[from], &along, kLaneBytes);
+    std::memcpy(&out.r[from], &across, kLaneBytes), std::memcpy(&out.own[from], &own, kLaneBytes);
+    std::memcpy(&out.within[from], &within, kLaneBytes);
+  }
+}
+
+// A line as find_nearest() reads it: the gate is negative where it does not fire with the polarity.
+LineClaims::LineRow row_of(const ClaimingLine& line, float polarity) {
+  const bool fits = line.expected == 0 || line.expected == polarity;
+  return {line.cx, line.cy, line.dx, line.dy, line.half, line.rate, line.turn, fits ? line.gate : -line.gate};
+}
+
+ClaimingLine& named(LineClaims::Names names, int place, std::span<ClaimingLine> lines) {
+  return lines[static_cast<std::size_t>(names >> (place * LineClaims::kNameBits) & LineClaims::kNameMask) -
+               1];
+}
 
 // One more event, so many px beyond an end.
 void count_end(EndCounts& counts, float beyond) {
@@ -26,262 +101,147 @@ void count_end(EndCounts& counts, float beyond) {
   if (beyond > -kEndInside && at < counts.size()) ++counts[at];
 }
 
-struct EventColumns {
-  const float *x, *y, *t, *polarity;  // of n events, and kLanes more that may be anything
-  std::size_t n;
-};
+void count_ends(ClaimingLine& line, float u) {
+  count_end(line.at_lo, -line.half - u);
+  count_end(line.at_hi, u - line.half);
+}
 
-// Events that no other line is near to; `mine` gets all bits set where one is claimed. Returns the last of
-// these, or -1.
-IDOL_WIDE std::int32_t claim_own(const EventColumns& events, ClaimingLine& line, std::int32_t* mine) {
-  constexpr IntLanes kUpwards{0, 1, 2, 3, 4, 5, 6, 7};
-  constexpr int kEnds = kEndInside + kEndOutside;
-  const float cx = line.cx, cy = line.cy, dx = line.dx, dy = line.dy, rate = line.rate, turn = line.turn;
-  const float lo = line.lo, hi = line.hi, middle = 0.5F * (lo + hi), per_half = 2 / std::max(1.0F, hi - lo);
-  const float along_at = line.along_at, expected = line.expected, gate = line.gate;
-  const float outer = 2 * gate, core_gate = LineClaims::kCoreGate * gate;
-  float* const along = line.along;
-  const FloatLanes zero{}, nowhere = zero + kEnds;
-  const IntLanes any = IntLanes{} - (expected == 0 ? 1 : 0);
-  FloatLanes su{}, suu{}, sr{}, sur{}, st{}, srr{}, srrrr{}, bow{};
-  IntLanes n{}, core{}, left{}, right{}, contrast{}, last = IntLanes{} - 1;
-  std::array<int, kEnds + 1> at_lo{}, at_hi{};  // the last place is for all others
-  for (std::size_t from = 0; from < events.n; from += kLanes) {
-    FloatLanes x, y, t, polarity;
-    std::memcpy(&x, events.x + from, kLaneBytes), std::memcpy(&y, events.y + from, kLaneBytes);
-    std::memcpy(&t, events.t + from, kLaneBytes), std::memcpy(&polarity, events.polarity + from, kLaneBytes);
-    const IntLanes index = kUpwards + static_cast<std::int32_t>(from);
-    x -= cx, y -= cy;
-    const FloatLanes u = dx * x + dy * y;
-    const FloatLanes r = dx * y - dy * x - (rate + turn * u) * t;
-    const FloatLanes off = r < zero ? -r : r;
-    const IntLanes fits = any | (polarity == expected), close = off < core_gate;
-    const IntLanes near = (index < static_cast<std::int32_t>(events.n)) & (off < outer);
-    const IntLanes on = near & (u > lo - kOnMargin) & (u < hi + kOnMargin);
-    const IntLanes own = on & (off < gate), good = own & fits;
-    std::memcpy(mine + from, &good, kLaneBytes);
-    last = good ? index : last;
-    contrast += own & __builtin_convertvector(polarity, IntLanes);
-    core -= on & fits & close;
-    left -= on & fits & ~close & (r < zero), right -= on & fits & ~close & (r > zero);
-    n -= good;
-    const FloatLanes gu = good ? u : zero, gr = good ? r : zero, v = (u - middle) * per_half;
-    su += gu, suu += gu * u, sr += gr, sur += gr * u, srr += gr * r, srrrr += gr * gr * gr * r,
-        st += good ? t : zero;
-    bow += gr * (1.5F * v * v - 0.5F);
-    const IntLanes pixel = good & __builtin_convertvector(gu - along_at, IntLanes);
-    const FloatLanes counted = good ? zero + 1 : zero;
-    const IntLanes ending = near & fits & (off < gate);
-    const FloatLanes beyond_lo = lo - u + kEndInside, beyond_hi = u - hi + kEndInside;
-    const IntLanes is_lo = ending & (beyond_lo > zero) & (beyond_lo < kEnds);
-    const IntLanes is_hi = ending & (beyond_hi > zero) & (beyond_hi < kEnds);
-    const IntLanes place_lo = __builtin_convertvector(is_lo ? beyond_lo : nowhere, IntLanes);
-    const IntLanes place_hi = __builtin_convertvector(is_hi ? beyond_hi : nowhere, IntLanes);
-    for (std::size_t k = 0; k < kLanes; ++k) {
-      along[pixel[k]] += counted[k];
-      ++at_lo[static_cast<std::size_t>(place_lo[k])], ++at_hi[static_cast<std::size_t>(place_hi[k])];
-    }
-  }
-  std::int32_t newest = -1;
-  for (std::size_t k = 0; k < kLanes; ++k) {
-    line.n += n[k], line.core += core[k], line.left += left[k], line.right += right[k],
-        line.contrast += contrast[k];
-    line.u += su[k], line.uu += suu[k], line.r += sr[k], line.ur += sur[k], line.t += st[k];
-    line.rr += srr[k], line.rrrr += srrrr[k], line.bow += bow[k];
-    newest = std::max(newest, last[k]);
-  }
-  for (std::size_t k = 0; k < kEnds; ++k) {
-    line.at_lo[static_cast<Eigen::Index>(k)] += static_cast<float>(at_lo[k]);
-    line.at_hi[static_cast<Eigen::Index>(k)] += static_cast<float>(at_hi[k]);
-  }
-  return newest;
+// A piece of the line of an event grows by it, too.
+void grow_piece(ClaimingLine& piece, const ClaimingLine& line, float x, float y) {
+  if (std::abs(piece.dx * line.dx + piece.dy * line.dy) < LineClaims::kParallel) return;
+  count_ends(piece, piece.dx * (x - piece.cx) + piece.dy * (y - piece.cy));
+}
+
+// Only the nearest line counts an event, unless a second is as near. Returns the one that it is of, if any.
+ClaimingLine* settle(const EventColumns& events, const NearestColumns& nearest, std::size_t i,
+                     std::span<ClaimingLine> lines) {
+  const LineClaims::Names names = events.names[i];
+  for (int k = 0, own = nearest.own[i]; own >> k != 0; ++k)
+    if ((own >> k & 1) != 0) named(names, k, lines).contrast += events.on[i] != 0 ? 1 : -1;
+  const int place = nearest.place[i];
+  if (place < 0) return nullptr;
+  ClaimingLine& line = named(names, place, lines);
+  const float best = nearest.best[i], u = nearest.u[i], r = nearest.r[i], t = events.t[i];
+  const bool on = best < kReach;
+  const float off = on ? best : best - kReach;
+  if (on) ++(off < LineClaims::kCoreGate ? line.core : r < 0 ? line.left : line.right);
+  if (off >= 1) return nullptr;
+  ClaimingLine* const owner = on ? &line : nullptr;
+  if (owner) ++line.along[static_cast<int>(u - line.along_at)];
+  if (nearest.second[i] < 1.5F * off + 0.33F) return owner;
+  count_ends(line, u);
+  for (int k = 0, others = nearest.within[i] & ~(1 << place); others >> k != 0; ++k)
+    if ((others >> k & 1) != 0) grow_piece(named(names, k, lines), line, events.x[i], events.y[i]);
+  if (!owner) return nullptr;
+  const float v = u / std::max(0.5F, line.half);
+  ++line.n;
+  line.u += u, line.uu += u * u, line.r += r, line.ur += u * r, line.t += t;
+  line.rr += r * r, line.rrrr += r * r * r * r;
+  line.bow += r * (1.5F * v * v - 0.5F);
+  return owner;
 }
 
 }  // namespace
 
-LineClaims::LineClaims(const UndistortMap& undistort) : width_(static_cast<std::size_t>(undistort.width())) {
+LineClaims::LineClaims(const UndistortMap& undistort) : undistort_(&undistort) {
   const int w = undistort.width(), h = undistort.height();
   // Strong distortion can throw the corners far out: cells beyond twice the sensor are of no use.
-  Eigen::Vector2f low(1e9F, 1e9F), high(-1e9F, -1e9F);
   const Eigen::Vector2f size(static_cast<float>(w), static_cast<float>(h));
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
-      low = low.cwiseMin(undistort(x, y));
-      high = high.cwiseMax(undistort(x, y));
+      low_ = low_.cwiseMin(undistort(x, y));
+      high_ = high_.cwiseMax(undistort(x, y));
     }
-  low = low.cwiseMax(-size);
-  high = high.cwiseMin(2 * size);
-  low_ = low;
-  cols_ = static_cast<int>((high.x() - low.x()) / kCell) + 1;
-  rows_ = static_cast<int>((high.y() - low.y()) / kCell) + 1;
+  low_ = low_.cwiseMax(-size);
+  high_ = high_.cwiseMin(2 * size);
+  cols_ = static_cast<int>((high_.x() - low_.x()) * kPerCell) + 1;
+  rows_ = static_cast<int>((high_.y() - low_.y()) * kPerCell) + 1;
   cells_.resize(static_cast<std::size_t>(cols_) * static_cast<std::size_t>(rows_));
-  pixels_.reserve(undistort.pixels());
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) {
-      const Eigen::Vector2f p = undistort(x, y), inside = p.cwiseMax(low).cwiseMin(high);
-      const Eigen::Vector2i cell = ((inside - low_) / kCell).cast<int>();
-      pixels_.push_back({p.x(), p.y(), static_cast<std::uint32_t>(cell.y() * cols_ + cell.x())});
-    }
 }
 
 std::size_t LineClaims::claim(std::span<const Event> events, Time middle, std::span<ClaimingLine> lines,
                               std::span<const std::uint8_t> isolated, std::uint8_t hot_from, LineId* labels) {
-  const auto half_span = static_cast<float>(
-      std::max(seconds_between(events.front().t, middle), seconds_between(middle, events.back().t)));
-  for (std::size_t k = 0; k < lines.size(); ++k) {
-    const ClaimingLine& line = lines[k];
-    const float fastest = std::abs(line.rate) + std::abs(line.turn) * (line.hi - line.lo) / 2;
-    draw(static_cast<std::uint16_t>(k + 1), line, 2 * line.gate + std::min(4.0F, fastest * half_span));
-  }
-  sort_by_line(events, middle, lines.size(), isolated, hot_from);
-  std::fill_n(labels, events.size(), kNoLine);
-  for (std::size_t k = 0; k < lines.size(); ++k) {
-    const std::size_t from = starts_[k + 1], n = starts_[k + 2] - from;
-    if (n == 0) continue;
-    ClaimingLine& line = lines[k];
-    const std::int32_t last =
-        claim_own({&x_[from], &y_[from], &t_[from], &polarity_[from], n}, line, mine_.data());
-    if (last < 0) continue;
-    for (std::size_t i = 0; i < n; ++i) labels[order_[from + i]] = mine_[i] != 0 ? line.id : kNoLine;
-    line.last = events[order_[from + static_cast<std::size_t>(last)]].t;
-  }
-  const std::size_t contested = lines.size() + 1, hot = contested + 1;
-  for (std::size_t at = starts_[contested]; at < starts_[hot]; ++at) {
-    const std::uint32_t i = order_[at];
-    if (ClaimingLine* line = claim_contested(at, cells_[pixels_[pixel_of(events[i])].cell], lines)) {
-      labels[i] = line->id;
-      line->last = std::max(line->last, events[i].t);
+  place_lines(lines, static_cast<float>(std::max(seconds_between(events.front().t, middle),
+                                                 seconds_between(middle, events.back().t))));
+  const auto width = static_cast<std::size_t>(undistort_->width());
+  const auto pixel_of = [&](const Event& e) { return e.y * width + e.x; };
+  rest_.resize(events.size());
+  std::size_t left = 0, hot = 0;
+  // Lanes beyond the last event keep what was there before, which names no line that is not there.
+  EventColumns block{};
+  NearestColumns nearest;
+  for (std::size_t from = 0; from < events.size(); from += kBlock) {
+    const std::size_t n = std::min(kBlock, events.size() - from);
+    for (std::size_t k = 0; k < n; ++k) {
+      const Event &e = events[from + k], &later = events[std::min(from + k + kFetchAhead, events.size() - 1)];
+      __builtin_prefetch(&(*undistort_)(later.x, later.y));
+      __builtin_prefetch(&isolated[pixel_of(later)]);
+      const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
+      block.x[k] = px.x(), block.y[k] = px.y(), block.t[k] = static_cast<float>(e.t - middle) * 1e-9F;
+      block.on[k] = e.polarity ? 1 : 0;
+      block.hot[k] = isolated[pixel_of(e)] >= hot_from;
+      block.names[k] = block.hot[k] ? 0 : names_of(cell_at(px));
+    }
+    find_nearest(block, n, line_rows_.data(), nearest);
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::size_t i = from + k;
+      ClaimingLine* const line = settle(block, nearest, k, lines);
+      if (line) line->last = events[i].t;
+      labels[i] = line ? line->id : kNoLine;
+      rest_[left] = static_cast<std::uint32_t>(i);
+      left += line || block.hot[k] ? 0 : 1;
+      hot += block.hot[k] ? 1 : 0;
     }
   }
-  for (const std::uint32_t cell : drawn_) cells_[cell] = {};
-  drawn_.clear();
-  // Every other event may have a line: without a branch on it this is much faster.
-  rest_.resize(events.size());
-  std::size_t left = 0;
-  for (std::uint32_t i = 0; i < events.size(); ++i) {
-    rest_[left] = i;
-    left += static_cast<std::size_t>(labels[i] == kNoLine) & static_cast<std::size_t>(kinds_[i] != hot);
-  }
   rest_.resize(left);
-  return events.size() - starts_[hot];
+  return hot;
+}
+
+// Where the lines of a batch are that lasts so long to either side of its middle [s].
+void LineClaims::place_lines(std::span<const ClaimingLine> lines, float half_span) {
+  if (++batch_ > kNameMask) {  // its stamp was used before
+    std::fill(cells_.begin(), cells_.end(), 0);
+    batch_ = 1;
+  }
+  // A cell keeps the lines that are drawn last: in reverse, so that these are the oldest.
+  for (std::size_t k = lines.size(); k-- > 0;) {
+    const ClaimingLine& line = lines[k];
+    const float fastest = std::abs(line.rate) + std::abs(line.turn) * line.half;
+    draw(k + 1, line, kReach * line.gate + std::min(4.0F, fastest * half_span));
+  }
+  ClaimingLine nowhere;
+  nowhere.half = -kNowhere;
+  line_rows_.assign(2, row_of(nowhere, 0));
+  for (const ClaimingLine& line : lines)
+    for (const float polarity : {-1.0F, 1.0F}) line_rows_.push_back(row_of(line, polarity));
 }
 
 // Names the line in all cells that come within `band` of it.
-void LineClaims::draw(std::uint16_t index, const ClaimingLine& line, float band) {
+void LineClaims::draw(Names name, const ClaimingLine& line, float band) {
   const bool flat = std::abs(line.dx) > std::abs(line.dy);
   // In cells: walk along the longer axis; at each step those across.
   const float along = flat ? line.dx : line.dy, slope = (flat ? line.dy : line.dx) / along;
-  const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) / kCell;
+  const Eigen::Vector2f centre = (Eigen::Vector2f(line.cx, line.cy) - low_) * kPerCell;
   const float p0 = flat ? centre.x() : centre.y(), q0 = flat ? centre.y() : centre.x();
   // A short line grows step by step: where it may end in one step is enough.
-  const float margin = std::clamp(0.25F * (line.hi - line.lo), 2.5F, kEndMargin);
-  const float from = p0 + (line.lo - margin) * along / kCell, to = p0 + (line.hi + margin) * along / kCell;
+  const float margin = std::clamp(0.5F * line.half, 2.5F, kEndMargin);
+  const float from = p0 - (line.half + margin) * along * kPerCell,
+              to = p0 + (line.half + margin) * along * kPerCell;
   const int n = flat ? cols_ : rows_, across = flat ? rows_ : cols_;
   const int step = flat ? cols_ : 1, stride = flat ? 1 : cols_;
-  const float reach = band / kCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
+  const float reach = band * kPerCell * std::sqrt(1 + slope * slope) + 0.5F * std::abs(slope);
   const int first = std::max(0, static_cast<int>(std::floor(std::min(from, to))));
   const int last = std::min(n - 1, static_cast<int>(std::floor(std::max(from, to))));
+  const Cell stamp = batch_ << kStampShift;
   for (int i = first; i <= last; ++i) {
     const float middle = q0 + (static_cast<float>(i) + 0.5F - p0) * slope;
-    const int low = std::max(0, static_cast<int>(std::floor(middle - reach)));
-    const int high = std::min(across - 1, static_cast<int>(std::floor(middle + reach)));
-    for (int j = low; j <= high; ++j) {
-      const auto cell = static_cast<std::uint32_t>(i * stride + j * step);
-      auto& named = cells_[cell];
-      if (named[0] == 0) drawn_.push_back(cell);
-      for (auto& slot : named)
-        if (slot == 0) {
-          slot = index;
-          break;
-        }
-    }
+    // Below zero, where this is not the floor, there is no cell.
+    const int low = static_cast<int>(std::max(0.0F, middle - reach));
+    const int high = middle + reach < 0 ? -1 : std::min(across - 1, static_cast<int>(middle + reach));
+    Cell* cell = &cells_[static_cast<std::size_t>(i * stride + low * step)];
+    for (int j = low; j <= high; ++j, cell += step)
+      *cell = stamp | (((names_of(*cell) << kNameBits) | name) & kNamesMask);
   }
-}
-
-void LineClaims::sort_by_line(std::span<const Event> events, Time middle, std::size_t lines,
-                              std::span<const std::uint8_t> isolated, std::uint8_t hot_from) {
-  const auto contested = static_cast<std::uint16_t>(lines + 1), hot = static_cast<std::uint16_t>(lines + 2);
-  kinds_.resize(events.size());
-  starts_.assign(lines + 4, 0);
-  for (std::size_t i = 0; i < events.size(); ++i) {
-    const Event& soon = events[std::min(i + kFetchAhead, events.size() - 1)];
-    __builtin_prefetch(&pixels_[pixel_of(soon)]);
-    __builtin_prefetch(&isolated[pixel_of(soon)]);
-    const std::size_t pixel = pixel_of(events[i]);
-    const Cell& named = cells_[pixels_[pixel].cell];
-    std::uint16_t kind = named[1] != 0 ? contested : named[0];
-    kind = isolated[pixel] >= hot_from ? hot : kind;
-    kinds_[i] = kind;
-    ++starts_[kind + 1];
-  }
-  for (std::size_t k = 1; k < starts_.size(); ++k) starts_[k] += starts_[k - 1];
-  order_.resize(events.size());
-  for (auto* column : {&x_, &y_, &t_, &polarity_}) column->resize(events.size() + kLanes);
-  mine_.resize(events.size() + kLanes);
-  next_ = starts_;
-  for (std::uint32_t i = 0; i < events.size(); ++i) {
-    const Event& e = events[i];
-    const Pixel& px = pixels_[pixel_of(e)];
-    const std::size_t at = next_[kinds_[i]]++;
-    order_[at] = i;
-    x_[at] = px.x, y_[at] = px.y, t_[at] = static_cast<float>(e.t - middle) * 1e-9F;
-    polarity_[at] = e.polarity ? 1.0F : -1.0F;
-  }
-}
-
-// Of the lines that reach to the event and fire with its polarity, the nearest by its own width; only it
-// counts the event, unless a second is as near.
-ClaimingLine* LineClaims::claim_contested(std::size_t at, const Cell& named,
-                                          std::span<ClaimingLine> lines) const {
-  std::array<Candidate, kNamed> near;
-  std::size_t count = 0;
-  const float polarity = polarity_[at];
-  ClaimingLine* chosen = nullptr;
-  float best = 2, best_r = 0, best_u = 0, second = 1e9F;  // distances in gates
-  bool best_on = false;
-  // Lines that reach here go before those that might only grow to here.
-  for (const std::uint16_t index : named) {
-    if (index == 0) break;
-    ClaimingLine& line = lines[static_cast<std::size_t>(index - 1)];
-    const float x = x_[at] - line.cx, y = y_[at] - line.cy;
-    const float u = line.dx * x + line.dy * y;
-    if (u < line.lo - kEndMargin || u > line.hi + kEndMargin) continue;
-    const float r = line.dx * y - line.dy * x - (line.rate + line.turn * u) * t_[at];
-    const float off = std::abs(r) / line.gate;
-    if (off >= 2) continue;
-    const bool on = u > line.lo - kOnMargin && u < line.hi + kOnMargin;
-    if (on && off < 1) line.contrast += polarity > 0 ? 1 : -1;
-    if (line.expected != 0 && line.expected != polarity) continue;
-    near[count++] = {&line, u, r};
-    if (on > best_on || (on == best_on && off < best)) {
-      if (best_on) second = best;
-      best = off, best_r = r, best_u = u, best_on = on, chosen = &line;
-    } else if (on) {
-      second = std::min(second, off);
-    }
-  }
-  if (!chosen) return nullptr;
-  ClaimingLine* const owner = best_on && best < 1 ? chosen : nullptr;
-  if (best_on) ++(best < kCoreGate ? chosen->core : best_r < 0 ? chosen->left : chosen->right);
-  if (owner) ++chosen->along[static_cast<int>(best_u - chosen->along_at)];
-  if (best >= 1 || second < 1.5F * best + 0.33F) return owner;
-  for (const Candidate& c : std::span(near).first(count)) {
-    // A piece of the same line grows by the events of its neighbour, too.
-    ClaimingLine& piece = *c.line;
-    if (std::abs(c.r) >= piece.gate || std::abs(piece.dx * chosen->dx + piece.dy * chosen->dy) < kParallel)
-      continue;
-    count_end(piece.at_lo, piece.lo - c.u);
-    count_end(piece.at_hi, c.u - piece.hi);
-  }
-  if (!best_on) return owner;
-  const float middle = 0.5F * (chosen->lo + chosen->hi);
-  const float v = 2 * (best_u - middle) / std::max(1.0F, chosen->hi - chosen->lo);
-  ++chosen->n;
-  chosen->u += best_u, chosen->uu += best_u * best_u, chosen->r += best_r, chosen->ur += best_u * best_r;
-  chosen->t += t_[at], chosen->rr += best_r * best_r;
-  chosen->rrrr += best_r * best_r * best_r * best_r;
-  chosen->bow += best_r * (1.5F * v * v - 0.5F);
-  return owner;
 }
 
 }  // namespace idol

@@ -9,6 +9,7 @@
 
 #include "idol/base/camera.hpp"
 #include "idol/base/types.hpp"
+#include "idol/base/wide.hpp"
 
 namespace idol {
 
@@ -16,11 +17,12 @@ namespace idol {
 constexpr int kEndInside = 4, kEndOutside = 6;
 using EndCounts = Eigen::Array<float, kEndInside + kEndOutside, 1>;
 
-/// A line at a batch's middle time, and what the batch's events say of it. Frame: origin (cx, cy), along (dx,
-/// dy), across (-dy, dx) [px].
+/// A line at a batch's middle time, and what the batch's events say of it. Frame: origin (cx, cy) in its
+/// middle, along (dx, dy), across (-dy, dx) [px].
 struct ClaimingLine {
   LineId id = kNoLine;
-  float cx = 0, cy = 0, dx = 1, dy = 0, lo = 0, hi = 0;
+  float cx = 0, cy = 0, dx = 1, dy = 0;
+  float half = 0;            ///< it reaches so far from the origin to either side [px]
   float rate = 0, turn = 0;  ///< of the offset and the slope [px/s, 1/s]
   float gate = 1.5F;         ///< events nearer are its own [px]
   float expected = 0;        ///< polarity expected: 1, -1, or 0 for any
@@ -50,34 +52,38 @@ class LineClaims {
   static constexpr float kCoreGate = 0.67F;  ///< of the gate: near the line
   static constexpr float kParallel = 0.99F;  ///< cosine between two pieces of one line
 
- private:
-  static constexpr std::size_t kNamed = 3;         // lines that a cell can name
-  using Cell = std::array<std::uint16_t, kNamed>;  // index + 1; 0 = none
-  struct Pixel {
-    float x, y;  // undistorted
-    std::uint32_t cell;
-  };
-  [[nodiscard]] std::size_t pixel_of(const Event& e) const {
-    return static_cast<std::size_t>(e.y) * width_ + e.x;
-  }
-  void draw(std::uint16_t index, const ClaimingLine& line, float band);
-  void sort_by_line(std::span<const Event> events, Time middle, std::size_t lines,
-                    std::span<const std::uint8_t> isolated, std::uint8_t hot_from);
-  ClaimingLine* claim_contested(std::size_t at, const Cell& named, std::span<ClaimingLine> lines) const;
+  /// Lines that pass a cell of the image, as many as have room: index + 1 in 16 bits each, the first lowest,
+  /// 0 after the last.
+  using Names = std::uint64_t;
+  static constexpr int kNameBits = 16, kNamed = 3;
+  static constexpr Names kNameMask = (Names{1} << kNameBits) - 1;
+  /// What tells where an event is about a line: centre, direction, half length, rate, turn, gate.
+  using LineRow = std::array<float, kLanes>;
 
-  std::size_t width_;
-  std::vector<Pixel> pixels_;
-  // The undistorted plane in cells, each naming the lines that pass.
-  Eigen::Vector2f low_ = Eigen::Vector2f::Zero();  // corner of the first cell
+ private:
+  // Names, and above them the batch that they are of: those of an earlier one are void, so that no cell has
+  // to be wiped.
+  using Cell = std::uint64_t;
+  static constexpr float kPerCell = 1.0F / 3;  // [1/px]
+  static constexpr int kStampShift = kNameBits * kNamed;
+  static constexpr Names kNamesMask = (Names{1} << kStampShift) - 1;
+  [[nodiscard]] const Cell& cell_at(const Eigen::Vector2f& px) const {
+    const Eigen::Vector2i at = ((px.cwiseMax(low_).cwiseMin(high_) - low_) * kPerCell).cast<int>();
+    return cells_[static_cast<std::size_t>(at.y() * cols_ + at.x())];
+  }
+  [[nodiscard]] Names names_of(Cell cell) const {
+    return cell >> kStampShift == batch_ ? cell & kNamesMask : 0;
+  }
+  void place_lines(std::span<const ClaimingLine> lines, float half_span);
+  void draw(Names name, const ClaimingLine& line, float band);
+
+  const UndistortMap* undistort_;
+  // The undistorted plane in cells, from low_ to high_ [px].
+  Eigen::Vector2f low_ = Eigen::Vector2f::Constant(1e9F), high_ = Eigen::Vector2f::Constant(-1e9F);
   int cols_ = 0, rows_ = 0;
   std::vector<Cell> cells_;
-  std::vector<std::uint32_t> drawn_;
-  // The batch, sorted by the only line near: first events with none, then those of each line, with several,
-  // of hot pixels. `starts_` has a place more than there are kinds.
-  std::vector<std::uint16_t> kinds_;
-  std::vector<std::uint32_t> starts_, next_, order_;
-  std::vector<float> x_, y_, t_, polarity_;
-  std::vector<std::int32_t> mine_;
+  std::vector<LineRow> line_rows_;  // of the batch, for either polarity
+  std::uint64_t batch_ = 0;
   std::vector<std::uint32_t> rest_;
 };
 

@@ -55,9 +55,10 @@ bool solve(const Moments& m, LineDetector::MovedLine& line) {
   const float xt = m.xt * share - x * t, yt = m.yt * share - y * t;
   const float tt = std::max(m.tt * share - t * t, 1e-10F);
   xx -= xt * xt / tt, yy -= yt * yt / tt, xy -= xt * yt / tt;
-  const float mean = 0.5F * (xx + yy), half = std::hypot(0.5F * (xx - yy), xy);
-  const float angle = 0.5F * std::atan2(2 * xy, xx - yy);  // of the line
-  line.nx = -std::sin(angle), line.ny = std::cos(angle);
+  const float mean = 0.5F * (xx + yy), a = 0.5F * (xx - yy), half = std::sqrt(a * a + xy * xy);
+  // The line is along half the angle of (a, xy); by the half-angle formula of the larger of the two.
+  const float larger = std::sqrt(0.5F * (half + std::abs(a)) / half), smaller = 0.5F * xy / (half * larger);
+  line.nx = a < 0 ? std::copysign(larger, -xy) : -smaller, line.ny = a < 0 ? std::abs(smaller) : larger;
   line.sigma = std::sqrt(std::max(0.0F, mean - half));
   line.v = (line.nx * xt + line.ny * yt) / tt;
   line.d = line.nx * x + line.ny * y - line.v * t;

@@ -49,10 +49,10 @@ LineTracker::LineTracker(const TrackOptions& options, const UndistortMap& undist
 std::size_t LineTracker::batch_length(std::span<const Event> events, Time origin) const {
   const Time step = from_seconds(options_.batch_s);
   const Time end = origin + ((events.front().t - origin) / step + 1) * step;
-  const auto most = std::min(events.size(), static_cast<std::size_t>(options_.batch_events));
-  std::size_t n = 0;
-  while (n < most && events[n].t < end) ++n;
-  return n;
+  const auto most = events.first(std::min(events.size(), static_cast<std::size_t>(options_.batch_events)));
+  const auto after =
+      std::partition_point(most.begin(), most.end(), [&](const Event& e) { return e.t < end; });
+  return static_cast<std::size_t>(after - most.begin());
 }
 
 LineId LineTracker::final_id(LineId id) const {
@@ -97,7 +97,7 @@ ClaimingLine LineTracker::claiming(LineTrack& track) {
   line.id = track.id;
   line.cx = static_cast<float>(track.centre.x()), line.cy = static_cast<float>(track.centre.y());
   line.dx = static_cast<float>(track.dir.x()), line.dy = static_cast<float>(track.dir.y());
-  line.lo = static_cast<float>(track.lo), line.hi = static_cast<float>(track.hi);
+  line.half = static_cast<float>(track.hi);
   line.rate = static_cast<float>(track.x[2]), line.turn = static_cast<float>(track.x[3]);
   line.gate = static_cast<float>(gate(track));
   cover(track);
@@ -217,7 +217,7 @@ void LineTracker::search(std::span<const Event> events, double duration) {
     const double chance = std::exp(-4 * background_ * 1e-6 * support);
     // Where lines claim the events there is no telling.
     double claimed = 0;  // [px^2]
-    for (const ClaimingLine& line : lines_) claimed += 2.0 * line.gate * (line.hi - line.lo);
+    for (const ClaimingLine& line : lines_) claimed += 4.0 * line.gate * line.half;
     const double all = 1.0 * w * h, area = std::max(0.2 * all, all - claimed);
     const double now = alone / (chance * duration * area);
     noise_known_s_ += duration;

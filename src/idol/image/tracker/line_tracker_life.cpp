@@ -303,14 +303,18 @@ void LineTracker::propagate_lost(Time now) {
 }
 // Two tracks on one line with one motion: the older goes on with both extents.
 void LineTracker::merge_lines(Time now) {
+  std::vector<Eigen::Vector2d> dirs;  // side by side: most pairs are not parallel
+  for (LineTrack& track : tracks_) {
+    predict(track, now);
+    dirs.push_back(track.dir);
+  }
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     LineTrack& a = tracks_[i];
     if (!a.alive) continue;
-    predict(a, now);
     for (std::size_t j = i + 1; j < tracks_.size(); ++j) {
+      if (std::abs(dirs[i].dot(dirs[j])) < 0.99) continue;
       LineTrack& b = tracks_[j];
-      if (!b.alive || std::abs(a.dir.dot(b.dir)) < 0.99) continue;
-      predict(b, now);
+      if (!b.alive) continue;
       const double same = a.dir.dot(b.dir) > 0 ? 1 : -1;
       const auto [worst, least, most] = extent_on(a, b);
       // By the direction of the longer one, which is known better.

@@ -16,7 +16,8 @@ constexpr double kFlowSigma = 0.2;     // of a line's motion about the flow, ove
 constexpr double kAcceleration = 10, kLeastUsual = 60;
 
 // E P E^T, where E adds `factor` of one coordinate to another.
-void shear(Eigen::Matrix4d& P, int to, int from, double factor) {
+template <int to, int from>
+void shear(Eigen::Matrix4d& P, double factor) {
   P.row(to) += factor * P.row(from);
   P.col(to) += factor * P.col(from);
 }
@@ -46,8 +47,8 @@ void LineTracker::predict(LineTrack& track, Time t) const {
   const double dt = seconds_between(track.time, t);
   if (dt > 0) {
     track.x.head<2>() += dt * track.x.tail<2>();
-    shear(track.P, 0, 2, dt);
-    shear(track.P, 1, 3, dt);
+    shear<0, 2>(track.P, dt);
+    shear<1, 3>(track.P, dt);
     const double half = std::max(10.0, 0.5 * (track.hi - track.lo));
     const double density = kAcceleration * usual_speed_ * usual_speed_;
     for (int k = 0; k < 2; ++k) {
@@ -62,22 +63,23 @@ void LineTracker::predict(LineTrack& track, Time t) const {
     // A line shows no motion along itself; the other lines do.
     track.centre += track.dir.dot(flow(track.centre)) * dt * track.dir;
   }
-  // The origin goes to the middle of the extent, where offset and slope are least coupled.
-  const double mid = 0.5 * (track.lo + track.hi);
-  track.x[0] += track.x[1] * mid;
-  track.x[2] += track.x[3] * mid;
-  shear(track.P, 0, 1, mid);
-  shear(track.P, 2, 3, mid);
-  track.centre += mid * track.dir + track.x[0] * track.normal;
-  track.lo -= mid;
-  track.hi -= mid;
-  auto& waiting = track.waiting;
-  waiting.uu += mid * (waiting.n * mid - 2 * waiting.u);
-  waiting.u -= waiting.n * mid;
-  waiting.ur -= mid * waiting.r;
-  track.along_at -= mid;
-  const double c = 1 / std::sqrt(1 + track.x[1] * track.x[1]), s = track.x[1] * c;
-  track.dir = (c * track.dir + s * track.normal).normalized();
+  // The origin goes to the middle of the extent, where offset and slope are least coupled. Ends move seldom.
+  if (const double mid = 0.5 * (track.lo + track.hi); mid != 0) {
+    track.x[0] += track.x[1] * mid;
+    track.x[2] += track.x[3] * mid;
+    shear<0, 1>(track.P, mid);
+    shear<2, 3>(track.P, mid);
+    track.centre += mid * track.dir;
+    track.lo -= mid;
+    track.hi -= mid;
+    auto& waiting = track.waiting;
+    waiting.uu += mid * (waiting.n * mid - 2 * waiting.u);
+    waiting.u -= waiting.n * mid;
+    waiting.ur -= mid * waiting.r;
+    track.along_at -= mid;
+  }
+  track.centre += track.x[0] * track.normal;
+  track.dir = (track.dir + track.x[1] * track.normal).normalized();
   track.normal = {-track.dir.y(), track.dir.x()};
   track.x[0] = track.x[1] = 0;
 }

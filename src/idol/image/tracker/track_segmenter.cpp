@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "idol/base/wide.hpp"
@@ -14,20 +15,22 @@ constexpr std::ptrdiff_t kFewEvents = 6;  // of a line that is followed, in a wi
 constexpr double kWaveMemory = 0.7;       // of a segment's waviness from window to window
 constexpr std::size_t kFitEvents = 120;   // of a segment, spread evenly: more do not sharpen a fit
 
-// For each event from `first` to `end`: all bits set if it is nearer to the line than `gate` and beside it.
+// For each event from `first` to `end`: 1 if it is nearer to the line than `gate` and beside it, else 0.
 IDOL_WIDE void mark_near(const WindowColumns& events, std::size_t first, std::size_t end,
-                         const MovingLine& line, float gate, std::int32_t* near) {
+                         const MovingLine& line, float gate, std::uint8_t* near) {
   const auto dx = static_cast<float>(line.direction.x()), dy = static_cast<float>(line.direction.y());
   const auto ox = static_cast<float>(line.origin.x()), oy = static_cast<float>(line.origin.y());
   const auto middle = static_cast<float>(line.time);
   const auto c0 = static_cast<float>(line.c[0]), c1 = static_cast<float>(line.c[1]);
   const auto c2 = static_cast<float>(line.c[2]), c3 = static_cast<float>(line.c[3]);
   const auto lo = static_cast<float>(line.u_min) - 1, hi = static_cast<float>(line.u_max) + 1;
+  // Pointers of its own, which what is written cannot change, let the compiler use wide registers.
+  const float *const xs = events.x.data(), *const ys = events.y.data(), *const ts = events.t.data();
   for (std::size_t i = first; i < end; ++i) {
-    const float x = events.x[i] - ox, y = events.y[i] - oy, t = events.t[i] - middle;
+    const float x = xs[i] - ox, y = ys[i] - oy, t = ts[i] - middle;
     const float u = dx * x + dy * y;
     const float r = dx * y - dy * x - (c0 + c1 * u + (c2 + c3 * u) * t);
-    near[i] = (r < gate) & (r > -gate) & (u > lo) & (u < hi) ? -1 : 0;
+    near[i] = (r < gate) & (r > -gate) & (u > lo) & (u < hi) ? 1 : 0;
   }
 }
 
@@ -206,8 +209,11 @@ void TrackSegmenter::label_back(const EventWindow& window, Segment& segment, boo
   const float polarity = tracker_.polarity(segment.id);
   std::vector<std::uint32_t> earlier;
   for (std::size_t i = first; i < end; ++i) {
-    if (near_[i] == 0 || ids[i] != kNoLine || (polarity != 0 && (polarity > 0) != window.events[i].polarity))
-      continue;
+    // Few are: memchr passes the others many at a time.
+    const void* const found = std::memchr(&near_[i], 1, end - i);
+    if (!found) break;
+    i = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - near_.data());
+    if (ids[i] != kNoLine || (polarity != 0 && (polarity > 0) != window.events[i].polarity)) continue;
     earlier.push_back(static_cast<std::uint32_t>(i));
     if (labelled) ids[i] = segment.id;
   }
@@ -232,10 +238,16 @@ std::optional<MovingLine> TrackSegmenter::track_line(const EventWindow& window, 
 
 std::optional<MovingLine> TrackSegmenter::fit_track(const EventWindow& window,
                                                     std::span<const std::uint32_t> events, LineId id) {
+  constexpr std::size_t kFetchedAhead = 16;
   points_.clear();
   const std::size_t n = std::min(events.size(), kFitEvents);
+  const double step = static_cast<double>(events.size()) / static_cast<double>(n);
+  const auto event = [&](std::size_t k) -> const Event& {
+    return window.events[events[static_cast<std::size_t>((static_cast<double>(k) + 0.5) * step)]];
+  };
   for (std::size_t k = 0; k < n; ++k) {
-    const Event& e = window.events[events[(2 * k + 1) * events.size() / (2 * n)]];
+    __builtin_prefetch(&event(std::min(k + kFetchedAhead, n - 1)));
+    const Event& e = event(k);
     const Eigen::Vector2f& px = (*undistort_)(e.x, e.y);
     points_.emplace_back(px.x(), px.y(), seconds_between(window.begin, e.t));
   }

@@ -46,7 +46,7 @@ class TrackSegmenter : public Segmenter {
   std::unordered_map<LineId, Waviness> waviness_;
   std::vector<TimedPixel> points_;  // scratch
   WindowColumns columns_;           // scratch
-  std::vector<std::int32_t> near_;  // scratch
+  std::vector<std::uint8_t> near_;  // scratch
   SegmenterCounts counts_;
   StageCounts stages_;
   double followed_ = 0;  // tracks by windows, of which the means are
