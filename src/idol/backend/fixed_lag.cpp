@@ -3,6 +3,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+
+#include "idol/base/median.hpp"
 
 namespace idol {
 namespace {
@@ -113,6 +116,7 @@ SolveStats FixedLag::solve() {
   const int iterations = first_ == begun_ ? 2 * options_.max_iterations : options_.max_iterations;
   SolveStats stats = settled_ ? optimise(ids, active, iterations, kEnoughOnTheWay)
                               : optimise(ids, active, kIterationsToSettle, kEnoughToSettle);
+  if (!settled_ && first_ == begun_) stats = try_other_starts(stats, ids, active);
   update_dormant_lines(reduction);
   cull();
   measure_extents();
@@ -228,6 +232,72 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const ActivePrior&
     if (gain < enough * (1 + std::abs(stats.cost)) || stats.iterations == max_iterations) break;
     system = linearise(ids, prior);
   }
+  return stats;
+}
+
+// Little motion can be explained by a scene and by its reversal in depth, with the motion reversed and the
+// biases wrong, and the optimum next to a poor first guess may be a poor one. Until the velocity is known the
+// problem is therefore solved from other points too now and then, and goes on from where the cost is least.
+SolveStats FixedLag::try_other_starts(SolveStats stats, const std::vector<LineId>& ids,
+                                      const ActivePrior& prior) {
+  constexpr std::size_t kEvery = 4;  // windows
+  constexpr double kBetter = 0.99;   // share of the cost
+  if ((states_.size() - begun_) % kEvery != 0 || std::ssize(ids) < options_.few_lines / 2) return stats;
+  const auto save = [&] {
+    std::vector<AnchoredLine> lines;
+    for (const LineId id : ids) lines.push_back(tracks_.at(id).line);
+    return std::tuple(
+        std::vector<NavState>(states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end()),
+        calibration_, lines, covariance_);
+  };
+  const auto load = [&](const auto& saved) {
+    std::copy(std::get<0>(saved).begin(), std::get<0>(saved).end(),
+              states_.begin() + static_cast<std::ptrdiff_t>(first_));
+    calibration_ = std::get<1>(saved);
+    for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line = std::get<2>(saved)[k];
+    covariance_ = std::get<3>(saved);
+    move_cameras();
+  };
+  auto best = save();
+  const auto attempt = [&] {
+    const SolveStats other = optimise(ids, prior, kIterationsToSettle, kEnoughToSettle);
+    stats.iterations += other.iterations;
+    if (other.cost < kBetter * stats.cost) {
+      stats.cost = other.cost;
+      best = save();
+    }
+    load(best);
+  };
+  // All depths alike, and the motion by the IMU from the start's state.
+  states_[first_] = prior.prior.state();
+  for (std::size_t w = first_; w < windows_.size(); ++w) {
+    const NavState next = predict(states_[w], inertial_[w]->motion, windows_[w].bias, projection_.gravity);
+    const Time t = states_[w + 1].t;
+    states_[w + 1] = next;
+    states_[w + 1].t = t;
+  }
+  move_cameras();
+  for (const LineId id : ids) {
+    Track& track = tracks_.at(id);
+    track.line = new_line(track, typical_depth());
+  }
+  attempt();
+  // Reversed.
+  std::vector<double> inverse_depths;
+  for (const LineId id : ids) inverse_depths.push_back(tracks_.at(id).line.coordinates[1]);
+  const double middle = percentile(inverse_depths, 0.5);
+  for (const LineId id : ids)
+    for (const int k : {1, 3}) {
+      double& inverse_depth = tracks_.at(id).line.coordinates[k];
+      inverse_depth = std::clamp(2 * middle - inverse_depth, 0.3 * middle, 3 * middle);
+    }
+  const Vec3 from = states_[first_].T_w_i.p;
+  for (std::size_t w = first_; w < states_.size(); ++w) {
+    states_[w].T_w_i.p = 2 * from - states_[w].T_w_i.p;
+    states_[w].v_w *= -1;
+  }
+  move_cameras();
+  attempt();
   return stats;
 }
 

@@ -125,6 +125,7 @@ class FixedLag : public Backend {
                                               std::size_t window) const;
   [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const ActivePrior& prior,
                                     int max_iterations, double enough);
+  [[nodiscard]] SolveStats try_other_starts(SolveStats stats, const std::vector<LineId>& ids, const ActivePrior& prior);
   [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) const;
   [[nodiscard]] std::vector<LineId> active_lines() const;
