@@ -44,6 +44,7 @@ struct BackendOptions {
   int max_iterations = 4;
   bool use_rest = true;
   bool refine_calibration = true;
+  bool refine_imu = true;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.01;
@@ -113,6 +114,8 @@ struct BackendOptions {
     visit("refine_calibration", self.refine_calibration, Range{},
           "estimate the camera's rotation in the IMU's frame (wrong by up to 5 deg) and focal length (by up "
           "to 2 %) too");
+    visit("refine_imu", self.refine_imu, Range{},
+          "estimate the IMU's scale errors, misaligned axes and rates by specific force too");
     visit("gravity", self.gravity, Range{9, 10.5}, "[m/s^2]");
     visit(
         "start_pose_sigma", self.start_pose_sigma, Range{1e-9, 100},

@@ -25,7 +25,11 @@ FixedLag::FixedLag(const Rig& rig, const BackendOptions& options)
     : Backend(rig, options.gravity),
       options_(options),
       nominal_(projection_),
-      calibration_dim_(options.refine_calibration ? 4 : 0) {}
+      camera_dim_(options.refine_calibration ? 4 : 0),
+      imu_dim_(options.refine_imu ? kImuIntrinsicsDim : 0),
+      calibration_dim_(camera_dim_ + imu_dim_) {
+  calibration_.setZero(calibration_dim_);
+}
 
 // Position and yaw are the gauge: known. Tilt is loose, since at rest the IMU factors tie it to the
 // accelerometer's bias.
@@ -46,7 +50,7 @@ void FixedLag::set_prior(const NavState& first, bool still) {
       Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma, options_.event_lag_sigma_px;
   const Vec4 calibration_sigma(kMounting, kMounting, kMounting, kFocal);
   Eigen::VectorXd all(kStateDim + calibration_dim_);
-  all << calibration_sigma.head(calibration_dim_), sigma;
+  all << calibration_sigma.head(camera_dim_), uncalibrated_imu_sigma().head(imu_dim_), sigma;
   LeastSquaresRows rows{all.cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(all.size())};
   // Tilt and yaw are about the world's axes: Exp(d) R = R Exp(R^T d).
   const Eigen::Index turn = calibration_dim_ + 3;
@@ -61,9 +65,20 @@ void FixedLag::add(WindowMeasurement window) {
   const Preintegration& imu = *window.imu;
   const Mat9 covariance = std::pow(options_.imu_noise_factor, 2) * imu.covariance(imu.end());
   const Mat9 whitening = covariance.llt().matrixL().solve(Mat9::Identity());
-  inertial_.push_back(std::make_unique<Inertial>(Inertial{
-      imu.at(imu.end()), whitening, whitening.transpose() * whitening, std::move(window.bin_motions), {}}));
+  const Preintegrated motion = imu.at(imu.end());
+  inertial_.push_back(std::make_unique<Inertial>(Inertial{motion,
+                                                          imu.bias(),
+                                                          bias_by_intrinsics(motion),
+                                                          whitening,
+                                                          whitening.transpose() * whitening,
+                                                          std::move(window.bin_motions),
+                                                          {}}));
   move_cameras();
+  // With the intrinsics.
+  NavState& now = states_.back();
+  const Time t = now.t;
+  now = predict(states_.end()[-2], motion, windows_.back().bias, projection_.gravity);
+  now.t = t;
   for (auto& seen : window.lines) file(index, std::move(seen));
   const bool known = std::any_of(tracks_.begin(), tracks_.end(), [&](const auto& entry) {
     return entry.second.mapped && !entry.second.dead && entry.second.last_window == index &&
@@ -207,7 +222,7 @@ SolveStats FixedLag::optimise(const std::vector<LineId>& ids, const ActivePrior&
   while (stats.iterations < max_iterations) {
     ++stats.iterations;
     const std::vector<NavState> states(states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end());
-    const Vec4 calibration = calibration_;
+    const Eigen::VectorXd calibration = calibration_;
     std::vector<Vec4> lines;
     for (LineId id : ids) lines.push_back(tracks_.at(id).line.coordinates);
     const auto step = system.solve(damping);

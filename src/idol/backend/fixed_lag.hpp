@@ -11,6 +11,7 @@
 #include "idol/backend/backend.hpp"
 #include "idol/backend/backend_options.hpp"
 #include "idol/backend/chain_system.hpp"
+#include "idol/estimation/imu_intrinsics.hpp"
 #include "idol/estimation/marginal_prior.hpp"
 #include "idol/map/associate.hpp"
 #include "idol/map/line_map.hpp"
@@ -97,9 +98,14 @@ class FixedLag : public Backend {
     Eigen::Matrix<double, 7, kStateDim> by_state = Eigen::Matrix<double, 7, kStateDim>::Zero();
     Eigen::Matrix<double, 7, 7> H = Eigen::Matrix<double, 7, 7>::Zero();
     Eigen::Matrix<double, 7, 1> g = Eigen::Matrix<double, 7, 1>::Zero();
+    Eigen::Matrix<double, 7, 4> by_camera =
+        Eigen::Matrix<double, 7, 4>::Zero();             // to the camera's calibration
+    Eigen::Matrix<double, 7, kImuIntrinsicsDim> by_imu;  // of the motion
   };
   struct Inertial {  // of one window
     Preintegrated motion;
+    ImuBias linearised_at;
+    BiasByIntrinsics by_intrinsics;
     Mat9 whitening;                    // W with W' W the inverse covariance
     Mat9 weight;                       // inverse covariance
     std::vector<Preintegrated> bins;   // to the bin times
@@ -125,7 +131,8 @@ class FixedLag : public Backend {
                                               std::size_t window) const;
   [[nodiscard]] SolveStats optimise(const std::vector<LineId>& ids, const ActivePrior& prior,
                                     int max_iterations, double enough);
-  [[nodiscard]] SolveStats try_other_starts(SolveStats stats, const std::vector<LineId>& ids, const ActivePrior& prior);
+  [[nodiscard]] SolveStats try_other_starts(SolveStats stats, const std::vector<LineId>& ids,
+                                            const ActivePrior& prior);
   [[nodiscard]] bool keeps_past() const;
   [[nodiscard]] Eigen::Index column_of(const std::vector<LineId>& ids, LineId id) const;
   [[nodiscard]] std::vector<LineId> active_lines() const;
@@ -134,9 +141,8 @@ class FixedLag : public Backend {
   /// Calls `use(variables)` with the variables of a prior as they are now.
   template <class Use>
   auto with_prior_variables(Use&& use) const {
-    const Eigen::VectorXd calibration = calibration_.head(calibration_dim_);
     const LineLookup line = [this](LineId id) -> const AnchoredLine& { return tracks_.at(id).line; };
-    return use(PriorVariables{states_[first_], calibration, line});
+    return use(PriorVariables{states_[first_], calibration_, line});
   }
   void add_prior(ChainSystem& system, const ActivePrior& prior, const std::vector<LineId>& ids) const;
   void add_inertial_rows(RowStack& rows, std::size_t window, Eigen::Index next) const;
@@ -147,7 +153,10 @@ class FixedLag : public Backend {
   void add_observation(ChainSystem& system, std::vector<SightSystem>& sights, const Track& track,
                        const Observation& seen, std::size_t slot, Eigen::Index column) const;
   [[nodiscard]] std::vector<SightSystem> sight_systems(std::size_t window) const;
-  static void add_sights(ChainSystem& system, const std::vector<SightSystem>& sights, std::size_t slot);
+  void add_sights(ChainSystem& system, const std::vector<SightSystem>& sights, std::size_t slot) const;
+  void add_imu_columns(ChainSystem& system, std::size_t slot,
+                       const Eigen::Matrix<double, kStateDim, kImuIntrinsicsDim>& by_state,
+                       const Eigen::Matrix<double, kImuIntrinsicsDim, kImuIntrinsicsDim>& by_imu) const;
   [[nodiscard]] double cost(const std::vector<LineId>& ids, const ActivePrior& prior) const;
   void update_dormant_lines(const MarginalPrior::Reduction& reduction);
   void archive(const MarginalPrior::Reduction& reduction, const std::vector<LineId>& ids);
@@ -180,9 +189,10 @@ class FixedLag : public Backend {
 
   BackendOptions options_;
   Projection nominal_;  // the rig as it was given
-  Vec4 calibration_ =
-      Vec4::Zero();  // rotation of the camera in the IMU's frame [rad], log of the focal length
-  Eigen::Index calibration_dim_ = 0;                 // 4 if it is refined
+  // What does not change during a run. Camera, unless it is known: rotation in the IMU's frame [rad], log of
+  // the focal length; then the IMU's intrinsics, unless they are known.
+  Eigen::VectorXd calibration_;
+  Eigen::Index camera_dim_ = 0, imu_dim_ = 0, calibration_dim_ = 0;
   std::size_t first_ = 0;                            // oldest active state
   std::vector<std::unique_ptr<Inertial>> inertial_;  // null once no last pass will need it
   std::map<LineId, Track> tracks_;

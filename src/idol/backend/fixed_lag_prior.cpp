@@ -25,7 +25,8 @@ void FixedLag::add_prior(ChainSystem& system, const ActivePrior& active,
     system.state_gradient[0] += T.transpose() * g;
     // Where each four of its other variables stand, here and in the system.
     std::vector<std::pair<Eigen::Index, Eigen::Index>> columns;
-    if (calibration_dim_ > 0) columns.emplace_back(prior.calibration_column(), 0);
+    for (Eigen::Index k = 0; k < calibration_dim_; k += 4)
+      columns.emplace_back(prior.calibration_column() + k, k);
     for (std::size_t k = 0; k < prior.lines().size(); ++k)
       columns.emplace_back(MarginalPrior::line_column(k), column_of(ids, prior.lines()[k].first));
     for (const auto& [row, to] : columns) {
@@ -55,7 +56,11 @@ void FixedLag::update_dormant_lines(const MarginalPrior::Reduction& reduction) {
 void FixedLag::add_inertial_rows(RowStack& rows, std::size_t window, Eigen::Index next) const {
   const WindowRows w = window_rows(window);
   const Mat9& whitening = inertial_[window]->whitening;
-  rows.add({{0, whitening * w.imu.d_from}, {next, whitening * w.imu.d_to}}, whitening * w.imu.value);
+  const Eigen::MatrixXd by_imu = whitening * w.imu.d_from.middleCols<6>(9) * inertial_[window]->by_intrinsics;
+  rows.add({{0, whitening * w.imu.d_from},
+            {next - imu_dim_, by_imu.leftCols(imu_dim_)},
+            {next, whitening * w.imu.d_to}},
+           whitening * w.imu.value);
   const Eigen::Matrix<double, 8, 1> walk = w.walk_weight.cwiseSqrt();
   rows.add({{9, -Eigen::MatrixXd(walk.asDiagonal())}, {next + 9, Eigen::MatrixXd(walk.asDiagonal())}},
            walk.cwiseProduct(w.walk));
@@ -96,8 +101,9 @@ void FixedLag::add_line_rows(RowStack& rows, std::size_t window, const std::vect
         if (!r.valid) continue;
         const double root = std::sqrt(robust(bin, r.value).second);
         Eigen::Matrix<double, 2, Eigen::Dynamic>& row = seen_rows.emplace_back(2, width);
-        row << r.d_line, r.d_calibration.leftCols(calibration_dim_),
-            r.d_camera * sights[static_cast<std::size_t>(bin.slot)].by_state, r.value;
+        const SightSystem& sight = sights[static_cast<std::size_t>(bin.slot)];
+        row << r.d_line, r.d_calibration.leftCols(camera_dim_),
+            (r.d_camera * sight.by_imu).leftCols(imu_dim_), r.d_camera * sight.by_state, r.value;
         row *= root;
       }
     }
@@ -164,8 +170,7 @@ void FixedLag::marginalise_oldest() {
   ++first_;
   std::vector<std::pair<LineId, Vec4>> lines;
   for (LineId id : ids) lines.emplace_back(id, tracks_.at(id).line.coordinates);
-  prior_ = marginalise(rows.stacked(next + kStateDim), states_[first_], calibration_.head(calibration_dim_),
-                       std::move(lines));
+  prior_ = marginalise(rows.stacked(next + kStateDim), states_[first_], calibration_, std::move(lines));
   for (auto& [id, track] : tracks_) {
     // In the order of windows; pieces of a line give it several observations in one.
     const auto active = std::find_if(track.seen.begin(), track.seen.end(),

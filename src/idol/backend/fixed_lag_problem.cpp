@@ -42,11 +42,20 @@ std::optional<Vec2> FixedLag::distances(const LineBin& bin, const AnchoredLine& 
 
 // After each change of the active states or of the calibration.
 void FixedLag::move_cameras() {
-  projection_.T_i_c.q = (nominal_.T_i_c.q * quat_exp(calibration_.head<3>())).normalized();
-  projection_.camera.fx = nominal_.camera.fx * std::exp(calibration_[3]);
-  projection_.camera.fy = nominal_.camera.fy * std::exp(calibration_[3]);
+  if (camera_dim_ > 0) {
+    projection_.T_i_c.q = (nominal_.T_i_c.q * quat_exp(calibration_.head<3>())).normalized();
+    projection_.camera.fx = nominal_.camera.fx * std::exp(calibration_[3]);
+    projection_.camera.fy = nominal_.camera.fy * std::exp(calibration_[3]);
+  }
   for (std::size_t w = first_; w < windows_.size(); ++w) {
     Inertial& inertial = *inertial_[w];
+    windows_[w].bias = inertial.linearised_at;
+    if (imu_dim_ > 0) {  // what acts beside the state's biases, on the other side of their difference
+      const Eigen::Matrix<double, 6, 1> more =
+          inertial.by_intrinsics * calibration_.tail<kImuIntrinsicsDim>();
+      windows_[w].bias.gyro -= more.head<3>();
+      windows_[w].bias.accel -= more.tail<3>();
+    }
     inertial.cameras.clear();
     for (const Preintegrated& motion : inertial.bins)
       inertial.cameras.emplace_back(states_[w], later(motion, states_[w].time_shift), windows_[w].bias,
@@ -89,6 +98,22 @@ void FixedLag::add_window(ChainSystem& system, std::size_t window, std::size_t s
   system.state_gradient[slot].head<15>().noalias() += from_w * r.value;
   system.state_gradient[slot + 1].head<15>().noalias() += to_w * r.value;
 
+  if (imu_dim_ > 0) {
+    const Eigen::Matrix<double, 9, kImuIntrinsicsDim> by_imu =
+        r.d_from.middleCols<6>(9) * inertial_[window]->by_intrinsics;
+    Eigen::Matrix<double, kStateDim, kImuIntrinsicsDim>
+        from = Eigen::Matrix<double, kStateDim, kImuIntrinsicsDim>::Zero(),
+        to = from;
+    from.topRows<15>() = from_w * by_imu;
+    to.topRows<15>() = to_w * by_imu;
+    const Eigen::Matrix<double, kImuIntrinsicsDim, 9> weighted =
+        by_imu.transpose() * inertial_[window]->weight;
+    add_imu_columns(system, slot, from, weighted * by_imu);
+    add_imu_columns(system, slot + 1, to,
+                    Eigen::Matrix<double, kImuIntrinsicsDim, kImuIntrinsicsDim>::Zero());
+    system.line_gradient.segment<kImuIntrinsicsDim>(camera_dim_) += weighted * r.value;
+  }
+
   // Biases, time shift and lag hardly change.
   const auto& weight = rows.walk_weight;
   system.diagonal[slot].bottomRightCorner<8, 8>().diagonal() += weight;
@@ -130,7 +155,8 @@ std::pair<double, double> FixedLag::robust(const LineBin& bin, const Vec2& dista
 
 void FixedLag::add_observation(ChainSystem& system, std::vector<SightSystem>& sights, const Track& track,
                                const Observation& seen, std::size_t slot, Eigen::Index column) const {
-  if (calibration_dim_ > 0) system.lines[slot].at(0);  // before the reference below: it may move that
+  // Before the reference below: they may move it.
+  for (Eigen::Index k = 0; k < calibration_dim_; k += 4) system.lines[slot].at(k);
   LineBlocks::Block& to_line = system.lines[slot].at(column);
   for (const LineBin& bin : seen.bins) {
     const BinResidual r = residual(bin, track.line, seen.window);
@@ -146,9 +172,15 @@ void FixedLag::add_observation(ChainSystem& system, std::vector<SightSystem>& si
     to_line.noalias() += d_state.transpose() * line_w;
     system.line_block.block<4, 4>(column, column).noalias() += line_w.transpose() * r.d_line;
     system.line_gradient.segment<4>(column).noalias() += line_w.transpose() * r.value;
-    if (calibration_dim_ == 0) continue;
+    if (imu_dim_ > 0) {
+      const Eigen::Matrix<double, kImuIntrinsicsDim, 4> both =
+          sight.by_imu.transpose() * (camera_w.transpose() * r.d_line);
+      system.line_block.block<kImuIntrinsicsDim, 4>(camera_dim_, column) += both;
+      system.line_block.block<4, kImuIntrinsicsDim>(column, camera_dim_) += both.transpose();
+    }
+    if (camera_dim_ == 0) continue;
     const Eigen::Matrix<double, 2, 4> calibration_w = weight * r.d_calibration;
-    system.lines[slot].at(0).noalias() += d_state.transpose() * calibration_w;
+    sight.by_camera.noalias() += r.d_camera.transpose() * calibration_w;
     system.line_block.topLeftCorner<4, 4>().noalias() += calibration_w.transpose() * r.d_calibration;
     const Eigen::Matrix4d both = calibration_w.transpose() * r.d_line;
     system.line_block.block<4, 4>(0, column) += both;
@@ -163,16 +195,37 @@ std::vector<FixedLag::SightSystem> FixedLag::sight_systems(std::size_t window) c
   for (std::size_t k = 0; k < out.size(); ++k) {
     out[k].by_state.topLeftCorner<6, 16>() = inertial_[window]->cameras[k].by_state();
     out[k].by_state(6, 16) = 1;
+    out[k].by_imu = out[k].by_state.middleCols<6>(9) * inertial_[window]->by_intrinsics;
   }
   return out;
 }
 
-void FixedLag::add_sights(ChainSystem& system, const std::vector<SightSystem>& sights, std::size_t slot) {
+void FixedLag::add_sights(ChainSystem& system, const std::vector<SightSystem>& sights,
+                          std::size_t slot) const {
+  using ByImu = Eigen::Matrix<double, 7, kImuIntrinsicsDim>;
   for (const SightSystem& sight : sights) {
     const Eigen::Matrix<double, 7, kStateDim> H = sight.H * sight.by_state;
     system.diagonal[slot].noalias() += sight.by_state.transpose() * H;
     system.state_gradient[slot].noalias() += sight.by_state.transpose() * sight.g;
+    if (camera_dim_ > 0) system.lines[slot].at(0).noalias() += sight.by_state.transpose() * sight.by_camera;
+    if (imu_dim_ == 0) continue;
+    const ByImu H_imu = sight.H * sight.by_imu;
+    add_imu_columns(system, slot, sight.by_state.transpose() * H_imu, sight.by_imu.transpose() * H_imu);
+    system.line_gradient.segment<kImuIntrinsicsDim>(camera_dim_) += sight.by_imu.transpose() * sight.g;
+    if (camera_dim_ == 0) continue;
+    const Eigen::Matrix<double, kImuIntrinsicsDim, 4> both = sight.by_imu.transpose() * sight.by_camera;
+    system.line_block.block<kImuIntrinsicsDim, 4>(camera_dim_, 0) += both;
+    system.line_block.block<4, kImuIntrinsicsDim>(0, camera_dim_) += both.transpose();
   }
+}
+
+void FixedLag::add_imu_columns(
+    ChainSystem& system, std::size_t slot,
+    const Eigen::Matrix<double, kStateDim, kImuIntrinsicsDim>& by_state,
+    const Eigen::Matrix<double, kImuIntrinsicsDim, kImuIntrinsicsDim>& by_imu) const {
+  for (Eigen::Index k = 0; k < kImuIntrinsicsDim; k += 4)
+    system.lines[slot].at(camera_dim_ + k) += by_state.middleCols<4>(k);
+  system.line_block.block<kImuIntrinsicsDim, kImuIntrinsicsDim>(camera_dim_, camera_dim_) += by_imu;
 }
 
 ChainSystem FixedLag::linearise(const std::vector<LineId>& ids, const ActivePrior& prior) const {
@@ -214,7 +267,7 @@ double FixedLag::cost(const std::vector<LineId>& ids, const ActivePrior& prior) 
 
 void FixedLag::apply(const ChainSystem::Step& step, const std::vector<LineId>& ids) {
   for (std::size_t i = 0; i < step.states.size(); ++i) move(states_[first_ + i], step.states[i]);
-  calibration_.head(calibration_dim_) += step.lines.head(calibration_dim_);
+  calibration_ += step.lines.head(calibration_dim_);
   move_cameras();
   for (LineId id : ids) tracks_.at(id).line.move(step.lines.segment<4>(column_of(ids, id)));
 }
