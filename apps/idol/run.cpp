@@ -8,6 +8,7 @@
 
 #include "arguments.hpp"
 #include "commands.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/jobs/recording_run.hpp"
 #include "idol/view/live_view.hpp"
 #include "standard_input.hpp"
@@ -80,6 +81,9 @@ int run(const RunArguments& arguments) {
   request.out = arguments.out;
   request.preset = arguments.options.preset;
   request.options = arguments.options.resolve();
+  InputPaths options;
+  options.add(arguments.options.config);
+  options.refuse_output(arguments.out);
   request.from_s = arguments.span.from_s;
   request.to_s = arguments.span.to_s;
   request.choice = arguments.streams.choice;

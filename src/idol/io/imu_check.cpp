@@ -136,10 +136,8 @@ void ImuCheck::report_axes(Diagnostics& diagnostics) const {
   if (stated.match > kGood && stated.scale > kRadPerDeg / 2 && stated.scale < kRadPerDeg * 2)
     diagnostics.warn(
         "gyro_unit",
-        fmt::format(
-            "the IMU's rates are about {:.0f} times what gravity's direction turns by: they look like "
-            "deg/s; rad/s are expected",
-            1 / stated.scale));
+        "the IMU's rates are some 57 times what gravity's direction turns by: they look like deg/s; rad/s "
+        "are expected");
   if (stated.match > kNone) return;
   SignedAxes best = as_stated;
   Fit most = stated;

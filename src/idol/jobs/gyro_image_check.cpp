@@ -106,7 +106,7 @@ void GyroImageCheck::report(Diagnostics& diagnostics) const {
     }
     return Fit{ss > 0 && rr > 0 ? both / std::sqrt(ss * rr) : 0, rr > 0 ? both / rr : 0};
   };
-  constexpr double kGood = 0.6, kNotAtAll = 0.35, kRadPerDeg = 0.0174533;
+  constexpr double kGood = 0.5, kMuchBetter = 0.3, kRadPerDeg = 0.0174533;
   const Fit stated = fit({});
   SignedAxes best;
   Fit most = stated;
@@ -115,9 +115,6 @@ void GyroImageCheck::report(Diagnostics& diagnostics) const {
       best = axes;
       most = found;
     }
-  if (std::getenv("IDOL_DEBUG_GYRO") != nullptr)
-    fmt::print(stderr, "gyro: stated {:.2f} x {:.3f}, best {} {:.2f} x {:.3f}, {}\n", stated.match,
-               stated.scale, best.name(), most.match, most.scale, seen.size());
   if (most.match > kGood && most.scale > kRadPerDeg / 3 && most.scale < 3 * kRadPerDeg)
     diagnostics.replace(
         "gyro_unit",
@@ -125,7 +122,7 @@ void GyroImageCheck::report(Diagnostics& diagnostics) const {
                     "like deg/s; rad/s are expected",
                     1 / most.scale),
         1);
-  if (most.match > kGood && stated.match < kNotAtAll)
+  if (most.match > kGood && most.match - stated.match > kMuchBetter)
     diagnostics.replace(
         "gyro_axes",
         fmt::format("the lines in the image turn otherwise than the IMU's rates say; taken as {} these would "

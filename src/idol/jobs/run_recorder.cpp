@@ -147,8 +147,9 @@ std::optional<RunRecorder::Latency> RunRecorder::latency() const {
 }
 
 TrackingFacts RunRecorder::tracking() const {
-  constexpr std::size_t kFew = 3;        // lines that hold a pose in some directions at least
-  constexpr double kDisagreement = 2.0;  // [px] RMS: several times what any edge scatters by
+  constexpr std::size_t kFew = 3;  // lines that hold a pose in some directions at least
+  constexpr double kShare =
+      0.2;  // of the segments: of what moves as expected, four in five are landmarks soon
   TrackingFacts facts;
   std::vector<double> speeds;
   for (const Row& row : rows_) {
@@ -159,8 +160,9 @@ TrackingFacts RunRecorder::tracking() const {
       facts.moving_s += row.duration_s;
       speeds.push_back(row.speed_px_s);
     }
-    if (row.lines_seen >= kFew && row.stats.rms_px < kDisagreement) facts.tracked_s += row.duration_s;
-    if (row.stats.rms_px >= kDisagreement) facts.disagreeing_s += row.duration_s;
+    if (row.lines_seen >= kFew &&
+        static_cast<double>(row.lines_seen) >= kShare * static_cast<double>(row.segments))
+      facts.tracked_s += row.duration_s;
   }
   if (!rows_.empty()) facts.restarts = rows_.back().stats.restarts;
   if (!speeds.empty()) facts.median_speed_px_s = median(speeds);
@@ -319,7 +321,8 @@ std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& sum
   stats["warnings"] = nlohmann::ordered_json::object();
   for (const auto& [kind, entry] : summary.diagnostics.entries())
     stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};
-  return stats.dump(2) + "\n";
+  // A path need not be UTF-8, as JSON must be.
+  return stats.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace idol

@@ -41,7 +41,6 @@ bool nothing_tracked(const TrackingFacts& f) {
 void report_tracking(const TrackingFacts& f, const std::string& stages, Diagnostics& diagnostics) {
   if (f.duration_s < kSecond && f.restarts == 0) return;  // too short for a verdict
   constexpr double kMost = 0.5;
-  const bool disagreeing = f.disagreeing_s > 0.3 * f.moving_s && f.disagreeing_s > 0.5;
   if (nothing_tracked(f)) {
     diagnostics.warn(
         "nothing_tracked",
@@ -54,7 +53,7 @@ void report_tracking(const TrackingFacts& f, const std::string& stages, Diagnost
         fmt::format("the estimator was lost and began anew {} time{}: parts of the trajectory do not hang "
                     "together; {}",
                     f.restarts, f.restarts == 1 ? "" : "s", cause_of(f, stages)));
-  } else if (disagreeing || f.tracked_s < kMost * f.moving_s) {
+  } else if (f.tracked_s < kMost * f.moving_s) {
     diagnostics.warn(
         "poorly_tracked",
         fmt::format("landmarks were in view for {:.1f} of the {:.1f} s with lines in view: expect little of "

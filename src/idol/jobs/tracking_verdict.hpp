@@ -11,10 +11,9 @@ namespace idol {
 
 /// What a run's windows say together.
 struct TrackingFacts {
-  double duration_s = 0;     ///< estimated
-  double moving_s = 0;       ///< of it with segments in view
-  double tracked_s = 0;      ///< of it with landmarks in view
-  double disagreeing_s = 0;  ///< of it with segments that do not fit the landmarks
+  double duration_s = 0;  ///< estimated
+  double moving_s = 0;    ///< of it with segments in view
+  double tracked_s = 0;   ///< of it with landmarks in view
   int restarts = 0;
   std::int64_t events = 0, noise = 0;  ///< of them hot or without neighbours
   double median_speed_px_s = 0;        ///< of the segments
