@@ -24,7 +24,7 @@ TEST(Background, NothingIsDoneBehindAFailure) {
   Background background(4);
   background.run([] { throw std::runtime_error("no"); });
   EXPECT_THROW(background.drain(), std::runtime_error);
-  EXPECT_THROW(background.run([&] { later = true; }), std::runtime_error);
+  EXPECT_THROW(background.run([&] { later = true; }), UsageError);
   background.drain();  // what there was can be asked for
   EXPECT_FALSE(later);
 }

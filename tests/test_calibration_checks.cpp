@@ -90,7 +90,7 @@ TEST(CalibrationChecks, WhatIsStatedAndNotUsedIsNamed) {
                "  accelerometer_noise_density: 0.0039\n  accelerometer_random_walk: 0.0003\n"
                "  gyroscope_noise_density: 0.00017\n  gyroscope_random_walk: 2.0e-05\n  update_rate: 200\n"),
            "unused_calibration"),
-      {"rig.yaml:2", "T_i_b, time_offset, gyroscopes:"});
+      {"rig.yaml:3", "T_i_b, time_offset, gyroscopes:"});
 }
 
 TEST(CameraChoice, TheSensorsSizeDecides) {

@@ -101,7 +101,7 @@ int evaluate_command(Arguments a, const CLI::App& command) {
   const fs::path estimate_path = estimate_file(a.estimate, truth);
   InputPaths inputs;
   inputs.add(estimate_path);
-  inputs.add_recording(a.groundtruth, {});
+  inputs.add_files(a.groundtruth);
   inputs.refuse_output(a.json);
   const Trajectory estimate = by_clock_of(truth, load_estimate(estimate_path), a.time_offset);
   Evaluation evaluation;

@@ -79,6 +79,16 @@ void InputPaths::add_recording(const fs::path& sequence, const StreamChoice& cho
   }
 }
 
+void InputPaths::add_files(const fs::path& path) {
+  if (!fs::is_directory(path)) return add(path);
+  try {
+    for (const fs::path& file : open_recording(path)->files())
+      if (!fs::is_directory(file)) add(file);
+  } catch (const std::runtime_error&) {  // DataError, UsageError
+    // Whoever reads it says what is wrong.
+  }
+}
+
 void InputPaths::refuse_output(const fs::path& output) const {
   Input there;
   const bool exists = identify(output, there);

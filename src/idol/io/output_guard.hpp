@@ -20,6 +20,8 @@ class InputPaths {
   /// A recording with what is read beside it: its streams' files, its calibration.
   void add_recording(const std::filesystem::path& sequence, const StreamChoice& choice,
                      const std::filesystem::path& rig = {}, const std::filesystem::path& imu_rig = {});
+  /// The files of a recording, or a file of another kind; beside them in a folder may be written.
+  void add_files(const std::filesystem::path& path);
   /// Throws UsageError if `output`, a file or folder that need not exist, is one of these, holds one of these
   /// or lies in one of these. To be asked before anything is written.
   void refuse_output(const std::filesystem::path& output) const;

@@ -315,8 +315,10 @@ std::optional<RowsBeforeClock> rows_before_clock(RowSource<Row>& source, const I
       ++rows;
     }
   }
-  // More before than behind is no beginning; and a single wild stamp leaves both sides by one clock.
-  const bool few = found.rows > 0 && 2 * found.rows <= rows;
+  // More than a tenth is no beginning; and a single wild stamp leaves both sides by one clock.
+  constexpr std::size_t kFew = 20;
+  const bool few =
+      found.rows > 0 && 2 * found.rows <= rows && (found.rows <= kFew || 10 * found.rows <= rows);
   if (!few || (!apart(first, found.next) && !apart(first, previous))) return std::nullopt;
   return found;
 }

@@ -170,7 +170,8 @@ EventTextLayout find_event_layout(const std::filesystem::path& path, Diagnostics
       throw DataError(
           fmt::format("{}:1: the first line names columns ({}), which must be t, x, y and polarity",
                       path.string(), printable(fmt::format("{}", fmt::join(rows[0], ",")))));
-  } else if (rows[0].size() == 2 && rows.size() > 1 && rows[1].size() == 4) {
+  } else if (rows[0].size() == 2 && rows.size() > 1 && rows[1].size() == 4 &&
+             parse_integer(rows[0][0]).value_or(0) > 0 && parse_integer(rows[0][1]).value_or(0) > 0) {
     layout.skip = 1;
     layout.width = static_cast<int>(parse_integer(rows[0][0]).value_or(0));
     layout.height = static_cast<int>(parse_integer(rows[0][1]).value_or(0));

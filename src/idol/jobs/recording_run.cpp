@@ -194,8 +194,9 @@ RecordingRun::Outcome RecordingRun::go() {
     gyro_check_.report(summary_.diagnostics);
     const TrackingFacts facts = recorder_.tracking();
     const auto stages = odometry_.front_end_stages();
-    report_tracking(facts, stages ? stages->explanation() : "", summary_.diagnostics);
-    if (outcome.end == End::kDone && nothing_tracked(facts)) outcome.end = End::kNothingTracked;
+    const bool at_rest = checks_.entries().contains("imu_still");
+    if (!at_rest) report_tracking(facts, stages ? stages->explanation() : "", summary_.diagnostics);
+    if (outcome.end == End::kDone && !at_rest && nothing_tracked(facts)) outcome.end = End::kNothingTracked;
   }
   summary_.diagnostics.merge_new(checks_);
   if (!write) return outcome;

@@ -35,11 +35,13 @@ std::string cause_of(const TrackingFacts& f, const std::string& stages) {
 }  // namespace
 
 bool nothing_tracked(const TrackingFacts& f) {
-  return f.duration_s >= kSecond && f.tracked_s < kSecond && f.tracked_s < 0.25 * f.duration_s;
+  constexpr double kLongEnough = 3;  // [s]: a shorter piece may be all start
+  const double judged = f.moving_s >= kSecond ? f.moving_s : f.duration_s;
+  return (f.moving_s >= kSecond || f.duration_s >= kLongEnough) && f.tracked_s < kSecond &&
+         f.tracked_s < 0.25 * judged;
 }
 
 void report_tracking(const TrackingFacts& f, const std::string& stages, Diagnostics& diagnostics) {
-  if (f.duration_s < kSecond && f.restarts == 0) return;  // too short for a verdict
   constexpr double kMost = 0.5;
   if (nothing_tracked(f)) {
     diagnostics.warn(
@@ -53,7 +55,7 @@ void report_tracking(const TrackingFacts& f, const std::string& stages, Diagnost
         fmt::format("the estimator was lost and began anew {} time{}: parts of the trajectory do not hang "
                     "together; {}",
                     f.restarts, f.restarts == 1 ? "" : "s", cause_of(f, stages)));
-  } else if (f.tracked_s < kMost * f.moving_s) {
+  } else if (f.moving_s >= kSecond && f.tracked_s < kMost * f.moving_s) {
     diagnostics.warn(
         "poorly_tracked",
         fmt::format("landmarks were in view for {:.1f} of the {:.1f} s with lines in view: expect little of "

@@ -19,7 +19,8 @@ struct TrackingFacts {
   double median_speed_px_s = 0;        ///< of the segments
 };
 
-/// No second of the recording was tracked, nor a quarter of it. Of less than a second nothing is said.
+/// No second of the recording was tracked, nor a quarter of the time with lines in view. Nothing is said of
+/// less than a second with lines, unless there are three without.
 bool nothing_tracked(const TrackingFacts& facts);
 
 /// Says that nothing was tracked (`nothing_tracked`), that most of it was not (`poorly_tracked`) or that the

@@ -22,7 +22,8 @@ void Background::run(std::function<void()> job) {
     throw UsageError("a listener must not push to the estimation that it is part of");
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return jobs_.size() < most_waiting_ || failure_; });
-  if (failure_) std::rethrow_exception(failure_);
+  rethrow();
+  if (failure_) throw UsageError("the estimation has ended with an error: make another Odometry");
   jobs_.push_back(std::move(job));
   lock.unlock();
   changed_.notify_all();
@@ -33,6 +34,11 @@ void Background::drain() {
     throw UsageError("a listener must not wait for the estimation that it is part of");
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return (jobs_.empty() && !busy_) || failure_; });
+  rethrow();
+}
+
+// Once: not every exception can be thrown twice. With the mutex held.
+void Background::rethrow() {
   if (failure_ && !std::exchange(heard_, true)) std::rethrow_exception(failure_);
 }
 

@@ -27,6 +27,7 @@ class Background {
 
  private:
   void work();
+  void rethrow();
 
   std::size_t most_waiting_;
   std::mutex mutex_;
@@ -34,7 +35,7 @@ class Background {
   std::deque<std::function<void()>> jobs_;
   bool busy_ = false, over_ = false;
   std::exception_ptr failure_;  // of the job that was the last
-  bool heard_ = false;          // by who waited
+  bool heard_ = false;          // by who waited or posted
   std::thread thread_;          // last: it uses all of the above
 };
 

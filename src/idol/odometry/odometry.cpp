@@ -243,13 +243,10 @@ void Odometry::hand_over(std::shared_ptr<const Segmented> segmented) {
 
 // As in the second thread: what throws leaves things half done, and is the last.
 void Odometry::estimate_here(const Segmented& segmented) {
-  if (failure_) std::rethrow_exception(failure_);
-  try {
-    estimate(segmented);
-  } catch (...) {
-    failure_ = std::current_exception();
-    throw;
-  }
+  if (std::exchange(failed_, true))
+    throw UsageError("the estimation has ended with an error: make another Odometry");
+  estimate(segmented);
+  failed_ = false;
 }
 
 void Odometry::estimate(const Segmented& segmented) {

@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <deque>
-#include <exception>
 #include <functional>
 #include <limits>
 #include <map>
@@ -178,7 +177,7 @@ class Odometry {
   Diagnostics diagnostics_, backend_diagnostics_;
   mutable std::mutex newest_mutex_;
   std::optional<NavState> newest_;
-  std::exception_ptr failure_;              // of estimate_here()
+  bool failed_ = false;                     // in estimate_here()
   std::unique_ptr<Background> background_;  // last: its jobs use all of the above
 };
 

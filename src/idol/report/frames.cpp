@@ -61,6 +61,7 @@ std::optional<Grey> read_grey_png(const fs::path& path, int width, int height) {
 
 std::size_t write_frames(FrameSource& frames, const Camera& camera, double offset_s, Time from, Time to,
                          std::size_t most, const fs::path& dir) {
+  remove_pictures(dir);
   const Time apart = (to - from) / static_cast<Time>(most) + 1;
   const std::vector<Vec2> at = raw_positions(camera);
   std::size_t written = 0;
