@@ -232,7 +232,8 @@ def main():
         print(done.stderr.strip().split("\n")[-1])
         return SKIPPED
     check = Check(done.stdout)
-    check.expect(done.returncode == 0, f"the case itself failed: {done.stderr[-500:]}")
+    # The case of another definition shows the first row of a file that a refusal leaves unwritten.
+    check.expect(done.returncode == 0 or name == "12-bag-other-definition", f"the case itself failed: {done.stderr[-500:]}")
     CASES[name](check)
     for failure in check.failures:
         print("WRONG:", failure)
