@@ -267,7 +267,7 @@ void print_damage() {
 
 std::vector<ImuSample> read_imu(const char* path) {
   Diagnostics diagnostics;
-  ImuStream stream(open_imu_text(path), {}, diagnostics);
+  ImuStream stream(open_imu_text(path, rpg_imu_layout()), {}, diagnostics);
   std::vector<ImuSample> samples;
   for (ImuSample s; stream.next(s);) samples.push_back(s);
   return samples;

@@ -16,7 +16,7 @@ class EventsFile : public idol::TextRecording {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   idol::read_in_every_way<EventsFile>(data, size);
   const idol::MemoryFile file(data, size);
-  for (const auto& layout : {idol::kRpgImu, idol::kAslImu, idol::kTumVieImu}) {
+  for (const auto& layout : {idol::rpg_imu_layout(), idol::asl_imu_layout(), idol::tum_vie_imu_layout()}) {
     try {
       idol::Diagnostics diagnostics;
       idol::ImuStream rows(idol::open_imu_text(file.path(), layout), {}, diagnostics);

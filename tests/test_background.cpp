@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "idol/base/diagnostics.hpp"
+
 #include <stdexcept>
 #include <vector>
 
@@ -17,14 +19,20 @@ TEST(Background, DoesJobsInOrder) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(done[static_cast<std::size_t>(i)], i);
 }
 
-TEST(Background, AFailureIsHeardOnceAndWorkGoesOn) {
+TEST(Background, NothingIsDoneBehindAFailure) {
   bool later = false;
   Background background(4);
   background.run([] { throw std::runtime_error("no"); });
   EXPECT_THROW(background.drain(), std::runtime_error);
-  background.run([&] { later = true; });
-  background.drain();
-  EXPECT_TRUE(later);
+  EXPECT_THROW(background.run([&] { later = true; }), UsageError);
+  background.drain();  // what there was can be asked for
+  EXPECT_FALSE(later);
+}
+
+TEST(Background, AJobThatWaitsForItselfIsToldSo) {
+  Background background(4);
+  background.run([&] { background.drain(); });
+  EXPECT_THROW(background.drain(), UsageError);
 }
 
 TEST(Background, EndsWithJobsWaiting) {

@@ -193,7 +193,7 @@ TEST(BagMessages, Images) {
   EXPECT_EQ(frame.grey, (Grey{1, 2, 3, 4}));
   EXPECT_THROW(decode_image(image("mono8", 2, {1, 2, 3}), frame), BadBytes);
   EXPECT_THROW(decode_image(image("mono8", 1, {1, 2, 3, 4}), frame), BadBytes);
-  EXPECT_THROW(decode_image(image("yuv422", 4, {1, 2, 3, 4, 5, 6, 7, 8}), frame), BadBytes);
+  EXPECT_THROW(decode_image(image("yuv422", 4, {1, 2, 3, 4, 5, 6, 7, 8}), frame), UnknownFormat);
 }
 
 TEST(BagMessages, UnknownEncoding) {
@@ -201,7 +201,7 @@ TEST(BagMessages, UnknownEncoding) {
   m.put<std::uint32_t>(0);
   std::vector<Event> events;
   EventMessageDecoder decoder("event_camera_msgs/EventPacket");
-  EXPECT_THROW(decoder.decode(m.bytes(), events), BadBytes);
+  EXPECT_THROW(decoder.decode(m.bytes(), events), UnknownFormat);
 }
 
 }  // namespace

@@ -344,7 +344,8 @@ TEST_F(BurstRecording, DamageComesAfterAllSamplesBefore) {
 
 TEST_F(BurstRecording, ConvertedOneHasTheSpreadTimes) {
   write(in_bursts(1600, {3, 4}));
-  const std::string out = (dir_.path() / "out").string();
+  const test::TempDir elsewhere;
+  const std::string out = (elsewhere.path() / "out").string();
   const auto result = test::run_idol(fmt::format("convert '{}' '{}'", dir_.path().string(), out));
   EXPECT_EQ(result.status, 0) << result.err;
   const auto back = test::read_back(out);

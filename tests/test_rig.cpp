@@ -162,7 +162,7 @@ TEST(Rig, DamagedFilesNameFileAndLine) {
   expect_says(error("[240, 180]", "[240.5, 180]"), {name + ":11", "resolution"});
   expect_says(error("0.0025", "soon"), {name + ":12", "'soon'"});
   expect_says(error("[240, 180]", "[240, 180"), {name, "YAML"});
-  expect_says(error("cam0:", "cam7:"), {name, "cam0"});
+  expect_says(error("cam0:", "lens0:"), {name, "cam0"});
   dir.write("camchain-imucam.yaml", "");
   expect_says(error_of([&] { load_rig(dir.path()); }), {name, "empty"});
   dir.write("camchain-imucam.yaml", std::string("\0\x01\x02\xff\xfe", 5));

@@ -59,9 +59,14 @@ void StreamArguments::declare(CLI::App& command) {
     command.add_option(option, name, what)->group(kGroup)->type_name("NAME");
   };
   add("--events-topic", choice.events, "the events, where there are several");
-  add("--imu-topic", choice.imu, "the IMU, where there are several");
+  add("--imu-topic", choice.imu, "the IMU, where there are several; ACCEL,GYRO: two topics of a bag");
   add("--truth-topic", choice.truth, "the ground truth, where there are several");
-  command.add_option("--imu", choice.imu_file, "take the IMU from this recording (file or folder) instead")
+  command
+      .add_option("--camera", choice.camera,
+                  "of a rig file with several: cam1, or 1 (default: by the sensor's size)")
+      ->group(kGroup)
+      ->type_name("NAME");
+  command.add_option("--imu", choice.imu_file, "take the IMU from this file or recording instead")
       ->group(kGroup)
       ->type_name("PATH");
 }
@@ -76,7 +81,8 @@ void RigArguments::declare(CLI::App& command) {
 
 Rig RigArguments::load(const std::filesystem::path& sequence, const StreamArguments& streams,
                        Diagnostics* diagnostics) const {
-  return load_rig(sequence, rig, imu_rig, diagnostics, stated_size(sequence, streams.choice));
+  return load_rig(sequence, rig, imu_rig, diagnostics, stated_size(sequence, streams.choice),
+                  camera_choice(sequence, streams.choice));
 }
 
 bool interrupted() { return interrupt_count > 0; }
@@ -85,10 +91,11 @@ void install_interrupt_handler() {
   std::signal(SIGTERM, on_interrupt);
 }
 
-void print_warnings(const Diagnostics& diagnostics) {
+void print_warnings(const Diagnostics& diagnostics, const Diagnostics& said) {
   for (const auto& [kind, entry] : diagnostics.entries())
-    fmt::print(stderr, "idol: warning: {}{}\n", entry.first_message,
-               entry.count > 1 ? fmt::format(" ({} times)", entry.count) : "");
+    if (!said.entries().contains(kind))
+      fmt::print(stderr, "idol: warning: {}{} [{}]\n", entry.first_message,
+                 entry.count > 1 ? fmt::format(" ({} times)", entry.count) : "", kind);
 }
 
 }  // namespace idol::cli

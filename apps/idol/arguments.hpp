@@ -55,8 +55,13 @@ struct RigArguments {
 bool interrupted();
 void install_interrupt_handler();
 constexpr int kExitInterrupted = 130;
+/// Of a run in which no second was tracked: its results are there, and worthless.
+constexpr int kExitNothingTracked = 3;
+/// Thrown where a wait for something was interrupted, and nothing is there to be written.
+struct Interrupted {};
 
-/// Prints each kind of oddity once, with its count, to standard error.
-void print_warnings(const Diagnostics& diagnostics);
+/// Prints each kind of oddity once, with its count and the code under which docs/troubleshooting.md has more,
+/// to standard error; those of `said` were printed before.
+void print_warnings(const Diagnostics& diagnostics, const Diagnostics& said = {});
 
 }  // namespace idol::cli

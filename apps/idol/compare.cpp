@@ -8,9 +8,11 @@
 
 #include "commands.hpp"
 #include "idol/base/options.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/report/compared_runs.hpp"
 #include "idol/report/comparison.hpp"
+#include "idol/report/run_folder.hpp"
 
 namespace idol::cli {
 namespace {
@@ -40,6 +42,12 @@ TableFormat table_format(const CompareArguments& a) {
 
 int compare(const CompareArguments& a) {
   const TableFormat format = table_format(a);
+  if (!a.out.empty() && std::filesystem::exists(a.out)) {
+    InputPaths inputs;
+    for (const std::filesystem::path& dir : a.dirs)
+      for (const char* name : kRunFiles) inputs.add(dir / name);
+    inputs.refuse_output(a.out);
+  }
   const Comparison comparison = compare_runs(a.dirs, a.options);
   const std::string text = table_as(format, comparison.table);
   if (a.out.empty())

@@ -7,6 +7,7 @@
 #include "arguments.hpp"
 #include "commands.hpp"
 #include "idol/jobs/convert_recording.hpp"
+#include "standard_input.hpp"
 
 namespace idol::cli {
 namespace {
@@ -22,6 +23,7 @@ struct ConvertArguments {
 int convert(const ConvertArguments& arguments) {
   install_interrupt_handler();
   ConvertRequest request = arguments.request;
+  request.in = input_path(request.in);
   request.format = parse_recording_format(arguments.format);
   request.rig_path = arguments.rig.rig;
   request.imu_rig_path = arguments.rig.imu_rig;
@@ -29,8 +31,12 @@ int convert(const ConvertArguments& arguments) {
   request.to_s = arguments.span.to_s;
   request.choice = arguments.streams.choice;
   const Conversion done = convert_recording(request, interrupted);
-  fmt::print("{} events, {} IMU samples, {} poses written to {}\n", done.events, done.imu, done.poses,
-             request.out.string());
+  if (done.kept_old)
+    fmt::print(stderr, "idol: {} is as it was; another OUT gets what comes before the reading's end\n",
+               request.out.string());
+  else
+    fmt::print("{} events, {} IMU samples, {} poses written to {}\n", done.events, done.imu, done.poses,
+               request.out.string());
   std::fflush(stdout);
   if (!done.damage.empty()) throw DataError(done.damage);
   print_warnings(done.diagnostics);
@@ -42,7 +48,8 @@ int convert(const ConvertArguments& arguments) {
 void add_convert(CLI::App& app, Action& action) {
   auto a = std::make_shared<ConvertArguments>();
   auto* command = app.add_subcommand("convert", "Write a recording in another format");
-  command->add_option("IN", a->request.in, "recording: a folder or file of any format that is read")->required();
+  command->add_option("IN", a->request.in, "recording: a folder or file of any format that is read")
+      ->required();
   command->add_option("OUT", a->request.out, "by its ending .bag, .h5, .aedat4; else a folder of text files")
       ->required();
   command->add_option("--format", a->format, "of OUT, whatever it is called")

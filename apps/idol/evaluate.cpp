@@ -3,13 +3,17 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 
 #include "commands.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/eval/evaluation_input.hpp"
 #include "idol/eval/evaluation_output.hpp"
+#include "idol/eval/time_offset.hpp"
+#include "idol/io/number.hpp"
+#include "idol/io/output_guard.hpp"
+#include "idol/io/text_writer.hpp"
+#include "standard_input.hpp"
 
 namespace idol::cli {
 namespace {
@@ -25,8 +29,26 @@ struct Arguments {
   std::vector<double> align_span;
   double until_s = 0;
   std::string json;
+  std::string time_offset;
   bool interpolate = false;
 };
+
+/// The estimate by the clock of the truth.
+Trajectory by_clock_of(const GroundTruth& truth, Trajectory estimate, const std::string& offset) {
+  if (offset.empty()) return estimate;
+  Time shift = 0;
+  if (offset == "auto") {
+    shift = find_time_offset(estimate, truth.trajectory);
+    fmt::print("time offset {:.3f} s, found from how both move (t_truth = t_estimate + offset)\n",
+               static_cast<double>(shift) / kNsPerS);
+  } else {
+    const auto stamp = parse_stamp(offset);
+    if (!stamp)
+      throw UsageError(fmt::format("--time-offset {}: seconds, or 'auto', are expected", printable(offset)));
+    shift = *stamp;
+  }
+  return shifted(std::move(estimate), shift);
+}
 
 /// `--protocol` takes all words up to the next option, so a path written after its names lands among them.
 void sort_out_paths(Arguments& a) {
@@ -70,26 +92,28 @@ EvaluationOptions evaluation_options(const Arguments& a, const CLI::App& command
   return options;
 }
 
-void write_json(const std::string& path, const std::string& json) {
-  std::ofstream out(path, std::ios::binary);
-  out << json;
-  out.close();
-  if (!out) throw DataError(fmt::format("{}: cannot be written; give a path in a writable folder", path));
-}
-
 int evaluate_command(Arguments a, const CLI::App& command) {
   sort_out_paths(a);
+  a.estimate = input_path(a.estimate).string();
+  a.groundtruth = input_path(a.groundtruth).string();
   const EvaluationOptions options = evaluation_options(a, command);
   const GroundTruth truth = load_groundtruth(a.groundtruth);
   const fs::path estimate_path = estimate_file(a.estimate, truth);
-  const Trajectory estimate = load_estimate(estimate_path);
+  InputPaths inputs;
+  inputs.add(estimate_path);
+  inputs.add_files(a.groundtruth);
+  inputs.refuse_output(a.json);
+  const Trajectory estimate = by_clock_of(truth, load_estimate(estimate_path), a.time_offset);
   Evaluation evaluation;
   try {
     evaluation = evaluate(estimate, truth.trajectory, options);
   } catch (const DataError& e) {
     throw DataError(fmt::format("{} against {}: {}", estimate_path.string(), truth.name, e.what()));
   }
-  if (!a.json.empty()) write_json(a.json, evaluation_json(evaluation));
+  if (truth.lost > 0)
+    fmt::print(stderr, "idol: warning: {}: {} poses that the capture had lost are left out [lost_truth]\n",
+               truth.name, truth.lost);
+  if (!a.json.empty()) write_text_file(a.json, evaluation_json(evaluation));
   fmt::print("estimate {}\nground truth {}\n{}", estimate_path.string(), truth.name,
              evaluation_text(evaluation));
   return 0;
@@ -118,6 +142,10 @@ void add_evaluate(CLI::App& app, Action& action) {
       ->type_name("FROM TO");
   command->add_option("--until", a->until_s, "Judge only the first S seconds of the estimate")
       ->type_name("S");
+  command
+      ->add_option("--time-offset", a->time_offset,
+                   "Seconds to add to the estimate's stamps; 'auto': found from how both trajectories move")
+      ->type_name("S|auto");
   command->add_option("--json", a->json, "Write all figures to FILE")->type_name("FILE");
   command->add_flag("--interpolate", a->interpolate,
                     "Interpolate ground truth at the estimate's stamps instead of taking the nearest pose");

@@ -10,8 +10,10 @@
 #include "commands.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/io/reader.hpp"
+#include "idol/io/recording_judgement.hpp"
 #include "idol/io/recording_summary.hpp"
 #include "idol/io/trajectory_io.hpp"
+#include "standard_input.hpp"
 
 namespace idol::cli {
 namespace {
@@ -35,13 +37,14 @@ Calibration find_calibration(const InfoArguments& arguments, Diagnostics& diagno
   try {
     calibration.rig = arguments.rig.load(arguments.sequence, arguments.streams, &heard);
     calibration.camera = calibration.rig->camera;
-  } catch (const DataError& e) {
+  } catch (const std::runtime_error& e) {  // DataError, UsageError
     if (arguments.rig.given()) throw;
     calibration.missing = e.what();
     heard = {};
     try {
-      calibration.camera = find_camera(arguments.sequence, {}, &heard);
-    } catch (const DataError&) {
+      calibration.camera = find_camera(arguments.sequence, {}, &heard,
+                                       camera_choice(arguments.sequence, arguments.streams.choice));
+    } catch (const std::runtime_error&) {  // DataError, UsageError
       // The same trouble as above: said once.
     }
   }
@@ -114,8 +117,11 @@ void print_imu(const RecordingSummary& s, Time origin) {
     fmt::print("imu         none\n");
     return;
   }
-  fmt::print("imu         {} samples in {:.3f} s, from {:.3f} s on; {:.1f} Hz\n", s.imu.count,
-             s.imu.duration_s(), seconds_between(origin, s.imu.first), 1 / s.imu_period_s().value_or(1e9));
+  const auto period = s.imu_period_s();
+  fmt::print("imu         {} sample{} in {:.3f} s, from {:.3f} s on{}\n", s.imu.count,
+             s.imu.count == 1 ? "" : "s", s.imu.duration_s(), seconds_between(origin, s.imu.first),
+             period && *period > 0 ? fmt::format("; {:.{}f} Hz", 1 / *period, *period < 1 ? 1 : 9) : "");
+  if (s.imu.count < 2) return;
   fmt::print("imu gaps    {} longer than 10 periods; longest {:.1f} ms, at {:.3f} s\n", s.imu_gaps(),
              static_cast<double>(s.imu.longest_pause) / 1e6, seconds_between(origin, s.imu.longest_pause_at));
   fmt::print("imu motion  mean |a| {:.3f} m/s^2; scatter of a {:.3f} m/s^2, of the rates {:.3f} rad/s\n",
@@ -143,73 +149,8 @@ void print_groundtruth(const InfoArguments& arguments, const RecordingSummary& s
                                  format_stamp(truth->front().t), format_stamp(truth->back().t)));
 }
 
-/// What will hurt a run, in words.
-std::vector<std::string> judge_imu(const RecordingSummary& s, const Calibration& calibration) {
-  std::vector<std::string> warnings;
-  if (s.imu.count < 2) return {"no IMU data: 'idol segment' works without, 'idol run' does not"};
-  const double rate = 1 / s.imu_period_s().value_or(1e9);
-  if (rate < 100) warnings.push_back(fmt::format("IMU at {:.0f} Hz: fast motion is lost below 100 Hz", rate));
-  if (calibration.rig && std::abs(calibration.rig->imu.rate_hz / rate - 1) > 0.2) {
-    warnings.push_back(
-        fmt::format("IMU at {:.0f} Hz, but {:.0f} Hz in the rig: is it that of another sensor?", rate,
-                    calibration.rig->imu.rate_hz));
-  }
-  if (const auto gaps = s.imu_gaps(); gaps > 0)
-    warnings.push_back(
-        fmt::format("IMU has {} gaps, the longest of {:.3f} s: the estimate drifts or restarts there", gaps,
-                    static_cast<double>(s.imu.longest_pause) / kNsPerS));
-  constexpr double kTolerance = 0.1;  // [s]
-  if (const double late = seconds_between(s.events.extent().first, s.imu.first); late > kTolerance)
-    warnings.push_back(
-        fmt::format("IMU begins {:.3f} s after the events: those before it are of no use", late));
-  if (const double early = seconds_between(s.imu.last, s.events.extent().last); early > kTolerance)
-    warnings.push_back(
-        fmt::format("IMU ends {:.3f} s before the events: those after it are of no use", early));
-  const double gravity = s.accel_norm_sum / static_cast<double>(s.imu.count);
-  if (gravity < 7 || gravity > 13)
-    warnings.push_back(fmt::format("mean |a| is {:.3f}, gravity 9.81: m/s^2 are expected{}", gravity,
-                                   gravity > 0.7 && gravity < 1.3 ? ", this looks like g" : ""));
-  if (s.gyro.scatter() > 20)
-    warnings.push_back(
-        fmt::format("rates scatter by {:.0f}: rad/s are expected, this looks like deg/s", s.gyro.scatter()));
-  if (s.gyro.scatter() < 0.05 && s.accel.scatter() < 0.3)
-    warnings.push_back("IMU hardly moves: scale and biases cannot be told without excitation");
-  return warnings;
-}
-
-std::vector<std::string> judge_clocks(const RecordingSummary& s, const Calibration& calibration) {
-  constexpr double kTolerance = 0.1;  // [s]: what the comparison is good for
-  const auto offset = s.clocks.offset();
-  const double expected = calibration.rig ? calibration.rig->time_offset_s : 0;
-  if (!offset || !offset->certain() || std::abs(offset->seconds - expected) <= kTolerance) return {};
-  return {fmt::format(
-      "events and IMU seem to be {:.2f} s apart: their rates agree best with t_imu = t_camera {:+.2f} s; "
-      "are their clocks synchronised?",
-      std::abs(offset->seconds - expected), offset->seconds)};
-}
-
-std::vector<std::string> judge_events(const RecordingSummary& s, const Calibration& calibration) {
-  std::vector<std::string> warnings;
-  if (s.events.extent().long_pauses > 0)
-    warnings.push_back(fmt::format("no event for {:.3f} s: camera still, or a part is missing",
-                                   static_cast<double>(s.events.extent().longest_pause) / kNsPerS));
-  const auto& camera = calibration.camera;
-  if (!calibration.rig) warnings.push_back(fmt::format("no whole rig: {}", calibration.missing));
-  if (!camera || camera->width == 0) return warnings;
-  if (s.events.outside() > 0) {
-    warnings.push_back(fmt::format(
-        "{} events ({:.3f} %) lie outside the {} x {} of the calibration{}", s.events.outside(),
-        100.0 * static_cast<double>(s.events.outside()) / static_cast<double>(s.events.extent().count),
-        camera->width, camera->height,
-        s.events.outside() * 1000 > s.events.extent().count ? ": wrong resolution or rig, a run will refuse"
-                                                            : ""));
-  }
-  if (sensor_fit(s.events, *camera) != SensorFit::kGood)
-    warnings.push_back(describe_fit(s.events, *camera) + ": another sensor, or a cut-out");
-  return warnings;
-}
-
-int info(const InfoArguments& arguments) {
+int info(InfoArguments arguments) {
+  arguments.sequence = input_path(arguments.sequence);
   Diagnostics diagnostics;
   ReaderOptions reading;  // no sensor size: pixels outside are to be counted here, not refused
   reading.need_imu = false;
@@ -242,12 +183,19 @@ int info(const InfoArguments& arguments) {
     print_pixels(summary, calibration, hot);
     print_imu(summary, origin);
     print_groundtruth(arguments, summary, diagnostics);
-    for (const auto& warnings : {judge_events(summary, calibration), judge_imu(summary, calibration),
-                                 judge_clocks(summary, calibration)})
-      for (const std::string& warning : warnings) fmt::print("warning     {}\n", warning);
+    if (!calibration.rig) fmt::print("warning     no whole rig: {}\n", calibration.missing);
+    judge_recording(
+        arguments.sequence.string(), summary,
+        {calibration.camera ? &*calibration.camera : nullptr, calibration.rig ? &*calibration.rig : nullptr},
+        origin, damage.empty(), diagnostics);
+    if (summary.events.extent().long_pauses > 0)
+      diagnostics.warn("no_events",
+                       fmt::format("no event for {:.3f} s: camera still, or a part is missing",
+                                   static_cast<double>(summary.events.extent().longest_pause) / kNsPerS));
   }
   for (const auto& [kind, entry] : diagnostics.entries())
-    fmt::print("warning     {} ({} x {})\n", entry.first_message, entry.count, kind);
+    fmt::print("warning     {} ({}{})\n", entry.first_message,
+               entry.count > 1 ? fmt::format("{} x ", entry.count) : "", kind);
   std::fflush(stdout);
   if (!damage.empty()) throw DataError(damage);
   return 0;

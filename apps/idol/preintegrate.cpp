@@ -9,9 +9,10 @@
 #include "idol/base/calibration_files.hpp"
 #include "idol/imu/preintegration.hpp"
 #include "idol/io/imu_stream.hpp"
-#include "idol/io/text_recording.hpp"
 #include "idol/io/table.hpp"
+#include "idol/io/text_recording.hpp"
 #include "idol/io/trajectory_io.hpp"
+#include "standard_input.hpp"
 
 namespace idol::cli {
 namespace {
@@ -24,7 +25,7 @@ struct PreintegrateArguments {
 };
 
 std::vector<ImuSample> read_imu(const std::filesystem::path& path, Diagnostics& diagnostics) {
-  ImuStream stream(open_imu_text(path), {}, diagnostics);
+  ImuStream stream(open_imu_text(path, find_imu_layout(path, diagnostics)), {}, diagnostics);
   std::vector<ImuSample> samples;
   for (ImuSample sample; stream.next(sample);) samples.push_back(sample);
   if (samples.size() < 2)
@@ -111,7 +112,9 @@ void warn_of_quality(const SampleQuality& quality, const std::string& file, Diag
                      quality.saturated);
 }
 
-int run_preintegration(const PreintegrateArguments& arguments) {
+int run_preintegration(PreintegrateArguments arguments) {
+  arguments.imu = input_path(arguments.imu);
+  arguments.at = input_path(arguments.at);
   const Time from = parse_from(arguments.from);
   const PreintegrationOptions options = make_options(arguments);
   const ImuBias bias = make_bias(arguments);

@@ -10,7 +10,9 @@
 
 #include "commands.hpp"
 #include "idol/base/diagnostics.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/report/figures.hpp"
+#include "idol/report/run_folder.hpp"
 
 namespace idol::cli {
 namespace {
@@ -34,6 +36,9 @@ int report(const ReportArguments& arguments) {
     write_report(arguments.dir);
     fmt::print("{}\n", (arguments.dir / "report.html").string());
   }
+  InputPaths inputs;
+  for (const char* name : kRunFiles) inputs.add(arguments.dir / name);
+  for (const auto& [file, format] : files) inputs.refuse_output(file);
   std::vector<std::string> left_out;
   for (const auto& [file, format] : files) {
     FigureOptions options = arguments.figures;

@@ -8,8 +8,10 @@
 
 #include "arguments.hpp"
 #include "commands.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/jobs/recording_run.hpp"
 #include "idol/view/live_view.hpp"
+#include "standard_input.hpp"
 
 namespace idol::cli {
 namespace {
@@ -73,12 +75,15 @@ std::string shown_name(const std::filesystem::path& path) {
 int run(const RunArguments& arguments) {
   install_interrupt_handler();
   RunRequest request;
-  request.sequence = arguments.sequence;
+  request.sequence = input_path(arguments.sequence);
   request.rig_path = arguments.rig.rig;
   request.imu_rig_path = arguments.rig.imu_rig;
   request.out = arguments.out;
   request.preset = arguments.options.preset;
   request.options = arguments.options.resolve();
+  InputPaths options;
+  options.add(arguments.options.config);
+  options.refuse_output(arguments.out);
   request.from_s = arguments.span.from_s;
   request.to_s = arguments.span.to_s;
   request.choice = arguments.streams.choice;
@@ -97,17 +102,19 @@ int run(const RunArguments& arguments) {
     view.emplace(shown_name(arguments.sequence), run.rig(), arguments.port);
     fmt::print(stderr, "idol: watch it at {}\n", view->url());
   }
+  print_warnings(run.checks());
   bar.emplace();
   const RecordingRun::Outcome outcome = run.go();
   bar.reset();
   print_results(arguments, run);
   if (view)
-    view->finish(outcome.end == RecordingRun::End::kDone
+    view->finish(outcome.message.empty()
                      ? fmt::format("Its report is {}.", (arguments.out / "report.html").string())
                      : outcome.message);
   // One line on a failure: its reason. The rest is in stats.json.
-  if (outcome.end != RecordingRun::End::kBadData) print_warnings(run.diagnostics());
+  if (outcome.end != RecordingRun::End::kBadData) print_warnings(run.diagnostics(), run.checks());
   if (outcome.end == RecordingRun::End::kDone) return 0;
+  if (outcome.end == RecordingRun::End::kNothingTracked) return kExitNothingTracked;
   fmt::print(stderr, "idol: {}\n", outcome.message);
   return outcome.end == RecordingRun::End::kInterrupted ? kExitInterrupted : 1;
 }

@@ -16,12 +16,14 @@
 #include "idol/image/flicker_filter.hpp"
 #include "idol/image/tracker/delayed_labels.hpp"
 #include "idol/io/event_monitor.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/sensor_size.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/picture.hpp"
 #include "idol/report/picture_events.hpp"
+#include "standard_input.hpp"
 
 namespace idol::cli {
 namespace {
@@ -87,10 +89,7 @@ class Pictures {
  public:
   Pictures(std::filesystem::path folder, const UndistortMap& undistort)
       : folder_(std::move(folder)), undistort_(undistort) {
-    if (folder_.empty()) return;
-    std::error_code error;
-    std::filesystem::create_directories(folder_, error);
-    if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
+    if (!folder_.empty()) claim_and_clear_pictures(folder_);
   }
 
   void add(const EventWindow& window, const SegmentedWindow& segments) {
@@ -142,15 +141,26 @@ class Turns {
 std::optional<Rig> rig_of(const SegmentArguments& arguments) {
   if (arguments.no_imu) return std::nullopt;
   try {
-    return load_rig(arguments.sequence, arguments.rig);
-  } catch (const DataError&) {  // lines follow the turns later, by their events
+    return load_rig(arguments.sequence, arguments.rig, {}, nullptr, {},
+                    camera_choice(arguments.sequence, arguments.streams.choice));
+  } catch (const std::runtime_error&) {  // lines follow the turns later, by their events
     return std::nullopt;
   }
 }
 
-// Segments all that can be read; returns the reason if that is not all.
+// What is read is never written, and pictures come into a folder of their own.
+void check_outputs(const SegmentArguments& arguments) {
+  InputPaths inputs;
+  inputs.add_recording(arguments.sequence, arguments.streams.choice, arguments.rig);
+  inputs.add(arguments.options.config);
+  for (const auto& output : {arguments.out, arguments.pictures})
+    if (!output.empty()) inputs.refuse_output(output);
+}
+
+// Segments all that can be read; returns the reason if that is not all. A file that was there before is
+// replaced only by a whole one.
 std::string label_events(const SegmentArguments& arguments, const Options& options, Reader& reader,
-                         const UndistortMap& undistort, const std::optional<Rig>& rig,
+                         const UndistortMap& undistort, const std::optional<Rig>& rig, bool replaces,
                          EventMonitor& monitor) {
   TextWriter writer(arguments.out);
   Windower windower(options.window);
@@ -202,16 +212,20 @@ std::string label_events(const SegmentArguments& arguments, const Options& optio
   fmt::memory_buffer rest;  // behind the last event that is of use
   write_left_out(rest, left_out, std::numeric_limits<Time>::max());
   writer.write({rest.data(), rest.size()});
-  writer.close();
+  if (!replaces || (failure.empty() && !interrupted())) writer.close();
   return failure;
 }
 
-int segment(const SegmentArguments& arguments) {
+int segment(SegmentArguments arguments) {
+  arguments.sequence = input_path(arguments.sequence);
   const Options options = arguments.options.resolve();
   install_interrupt_handler();
   check_exists(arguments.sequence);
+  check_outputs(arguments);
+  const bool replaces = std::filesystem::is_regular_file(arguments.out);
   Diagnostics diagnostics;
-  const auto camera = find_camera(arguments.sequence, arguments.rig, &diagnostics);
+  const auto camera = find_camera(arguments.sequence, arguments.rig, &diagnostics,
+                                  camera_choice(arguments.sequence, arguments.streams.choice));
   const bool calibrated = camera && camera->width > 0;
   const UndistortMap undistort = calibrated ? UndistortMap(*camera) : measure_sensor(arguments);
   ReaderOptions reading = reader_options(arguments);
@@ -222,7 +236,10 @@ int segment(const SegmentArguments& arguments) {
   if (rig) reading.imu_offset_s = rig->time_offset_s;
   const auto reader = open_reader(arguments.sequence, reading);
   EventMonitor monitor(undistort.width(), undistort.height());
-  const std::string failure = label_events(arguments, options, *reader, undistort, rig, monitor);
+  const std::string failure = label_events(arguments, options, *reader, undistort, rig, replaces, monitor);
+  if (!failure.empty() && replaces)
+    fmt::print(stderr, "idol: {} is as it was; another --out gets what comes before the reading's end\n",
+               arguments.out.string());
   if (!failure.empty()) throw DataError(failure);
   diagnostics.merge(reader->diagnostics());
   monitor.report(arguments.sequence.string(), diagnostics);
@@ -230,7 +247,8 @@ int segment(const SegmentArguments& arguments) {
     check_sensor_fit(arguments.sequence.string(), monitor, *camera, diagnostics);
   print_warnings(diagnostics);
   if (!interrupted()) return 0;
-  fmt::print(stderr, "idol: interrupted: {} holds the results so far\n", arguments.out.string());
+  fmt::print(stderr, "idol: interrupted: {} {}\n", arguments.out.string(),
+             replaces ? "is as it was" : "holds the results so far");
   return kExitInterrupted;
 }
 

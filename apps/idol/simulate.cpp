@@ -5,6 +5,7 @@
 
 #include "arguments.hpp"
 #include "commands.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/text_recording_writer.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
@@ -26,7 +27,13 @@ struct SimulateArguments {
 // The DAVIS240C of the RPG dataset (Mueggler et al. 2017).
 Rig default_rig() {
   Rig rig;
-  rig.camera = {240, 180, 199.092366542, 198.82882047, 132.192071378, 110.712660011, Distortion::kRadTan,
+  rig.camera = {240,
+                180,
+                199.092366542,
+                198.82882047,
+                132.192071378,
+                110.712660011,
+                Distortion::kRadTan,
                 {-0.368436311798, 0.150947243557, -0.000296130534385, -0.000759431726241, 0}};
   Mat3 R;
   R << 0.999905117246, -0.0122374970355, 0.00632456886338, 0.0121780171243, 0.999882045134, 0.00935904469797,
@@ -74,14 +81,16 @@ void write_true_lines(const std::filesystem::path& path, const Scene& scene) {
 
 void write_truth(const std::filesystem::path& path, const SimulateArguments& arguments, const Rig& rig,
                  const SimulatorOptions& o, std::int64_t events, double duration) {
-  write_text_file(path, fmt::format("# Written by idol simulate. World: z up, gravity 9.81 m/s^2.\nscene: {}\nseed: {}\n"
-                                    "duration: {:.3f}\ntime_offset_cam_imu: {:.9f}  # t_imu_stamp = t_cam_stamp + offset\n"
-                                    "event_sensor: {{contrast_on: {}, contrast_off: {}, contrast_sigma_rel: {}, "
-                                    "refractory_s: {}, background_hz: {}, hot_pixels: {}, jitter_s: {}}}\n"
-                                    "imu: {{rate: {}, noise_scale: {}}}\nstatistics: {{events: {}}}\n",
-                                    arguments.scene.filename().string(), o.seed, duration, rig.time_offset_s,
-                                    o.contrast_on, o.contrast_off, o.contrast_mismatch, o.refractory_s, o.background_hz,
-                                    o.hot_pixels, o.jitter_s, rig.imu.rate_hz, o.imu_noise_scale, events));
+  write_text_file(
+      path,
+      fmt::format("# Written by idol simulate. World: z up, gravity 9.81 m/s^2.\nscene: {}\nseed: {}\n"
+                  "duration: {:.3f}\ntime_offset_cam_imu: {:.9f}  # t_imu_stamp = t_cam_stamp + offset\n"
+                  "event_sensor: {{contrast_on: {}, contrast_off: {}, contrast_sigma_rel: {}, "
+                  "refractory_s: {}, background_hz: {}, hot_pixels: {}, jitter_s: {}}}\n"
+                  "imu: {{rate: {}, noise_scale: {}}}\nstatistics: {{events: {}}}\n",
+                  arguments.scene.filename().string(), o.seed, duration, rig.time_offset_s, o.contrast_on,
+                  o.contrast_off, o.contrast_mismatch, o.refractory_s, o.background_hz, o.hot_pixels,
+                  o.jitter_s, rig.imu.rate_hz, o.imu_noise_scale, events));
 }
 
 Spline make_motion(const SimulateArguments& arguments, const Scene& scene, const Rig& rig) {
@@ -98,6 +107,10 @@ int run_simulation(const SimulateArguments& arguments) {
   const SimulatorOptions options = make_options(arguments);
   const Spline motion = make_motion(arguments, scene, rig);
   const auto& out = arguments.out;
+  InputPaths inputs;
+  for (const auto& path : {arguments.scene, arguments.rig, arguments.imu_rig, arguments.trajectory})
+    inputs.add(path);
+  inputs.refuse_output(out);
   TextRecordingWriter recording(out, !arguments.plain_text);
   write_text_file(out / "camchain-imucam.yaml", rig_to_yaml(rig));
   write_true_lines(out / "lines_truth.csv", scene);
@@ -110,13 +123,15 @@ int run_simulation(const SimulateArguments& arguments) {
     recording.add(chunk);
     count += std::ssize(chunk);
   };
-  sinks.imu = [&](const ImuSample& s) { imu.write(format_stamp(s.t) + numbers({s.accel, s.gyro}, " ") + "\n"); };
+  sinks.imu = [&](const ImuSample& s) {
+    imu.write(format_stamp(s.t) + numbers({s.accel, s.gyro}, " ") + "\n");
+  };
   sinks.truth = [&](const NavState& s) {
     camera.push_back({s.t, s.T_w_i * rig.T_i_c});
     bias.write(format_stamp(s.t) + numbers({s.bias.accel, s.bias.gyro}, " ") + "\n");
     const Quat& q = s.T_w_i.q;
-    truth.write(fmt::format("{}{} {:.9f} {:.9f} {:.9f} {:.9f}{}\n", format_stamp(s.t), numbers({s.T_w_i.p}, " "), q.x(),
-                            q.y(), q.z(), q.w(), numbers({s.v_w}, " ")));
+    truth.write(fmt::format("{}{} {:.9f} {:.9f} {:.9f} {:.9f}{}\n", format_stamp(s.t),
+                            numbers({s.T_w_i.p}, " "), q.x(), q.y(), q.z(), q.w(), numbers({s.v_w}, " ")));
   };
   if (isatty(STDERR_FILENO) != 0)
     sinks.progress = [&](double t) { fmt::print(stderr, "\r{:6.2f} of {:.2f} s ", t, motion.duration()); };
@@ -137,23 +152,35 @@ void add_simulate(CLI::App& app, Action& action) {
   command->add_option("SCENE", a->scene, "scene file (docs/simulator.md)")->required();
   command->add_option("--out", a->out, "folder for the recording")->required();
   command->add_option("--seed", a->options.seed, "of motion and noise")->capture_default_str();
-  command->add_option("--duration", a->motion.duration_s, "[s]")->capture_default_str()->check(CLI::Range(0.1, 3600.0));
-  command->add_option("--trajectory", a->trajectory, "camera poses to follow instead of the built-in motion (TUM)");
+  command->add_option("--duration", a->motion.duration_s, "[s]")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  command->add_option("--trajectory", a->trajectory,
+                      "camera poses to follow instead of the built-in motion (TUM)");
   command->add_flag("--translation", a->motion.translation_only, "hardly rotate");
-  command->add_option("--speed", a->motion.speed, "plays the motion faster")->capture_default_str()->check(CLI::Range(0.01, 20.0));
-  command->add_option("--still", a->motion.still_s, "rest at the start [s]")->capture_default_str()->check(CLI::NonNegativeNumber);
+  command->add_option("--speed", a->motion.speed, "plays the motion faster")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 20.0));
+  command->add_option("--still", a->motion.still_s, "rest at the start [s]")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--amplitude", a->motion.position_m, "of the motion [m]")->capture_default_str();
   command->add_option("--rotation", a->motion.rotation_rad, "of the motion [rad]")->capture_default_str();
   command->add_option("--rig", a->rig, "camera and mounting (Kalibr); default: DAVIS240C of the RPG dataset");
   command->add_option("--imu-rig", a->imu_rig, "IMU noise (Kalibr imu.yaml)");
-  command->add_option("--imu-rate", a->imu_rate_hz, "[Hz]")->capture_default_str()->check(CLI::Range(10.0, 20000.0));
-  command->add_option("--imu-noise", a->options.imu_noise_scale, "scale of the IMU noise")->capture_default_str();
+  command->add_option("--imu-rate", a->imu_rate_hz, "[Hz]")
+      ->capture_default_str()
+      ->check(CLI::Range(10.0, 20000.0));
+  command->add_option("--imu-noise", a->options.imu_noise_scale, "scale of the IMU noise")
+      ->capture_default_str();
   command->add_option("--gyro-bias", a->gyro_bias, "x,y,z [rad/s]")->delimiter(',')->expected(3);
   command->add_option("--accel-bias", a->accel_bias, "x,y,z [m/s^2]")->delimiter(',')->expected(3);
   command->add_option("--time-offset", a->time_offset_s, "t_imu = t_camera + offset [s]");
-  command->add_option("--background-hz", a->options.background_hz, "noise events per pixel")->capture_default_str();
+  command->add_option("--background-hz", a->options.background_hz, "noise events per pixel")
+      ->capture_default_str();
   command->add_option("--hot-pixels", a->options.hot_pixels, "number of hot pixels")->capture_default_str();
-  command->add_option("--drop-events", a->options.drop_share, "share of the events lost")->check(CLI::Range(0.0, 1.0));
+  command->add_option("--drop-events", a->options.drop_share, "share of the events lost")
+      ->check(CLI::Range(0.0, 1.0));
   command->add_option("--dark", a->dark, "FROM TO: no events between these times [s]")->expected(2);
   command->add_flag("--no-noise", a->noiseless, "ideal sensors (biases stay)");
   command->add_flag("--plain", a->plain_text, "events.txt instead of events.txt.zst");

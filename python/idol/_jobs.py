@@ -30,8 +30,9 @@ def settings(options: Optional[Options], prefix: str = "") -> Dict[str, str]:
     return out
 
 
-def streams(events_topic: str, imu_topic: str, truth_topic: str, imu: Optional[PathLike]) -> _core.StreamChoice:
-    return _core.StreamChoice(events_topic, imu_topic, truth_topic, imu or "")
+def streams(events_topic: str, imu_topic: str, truth_topic: str, imu: Optional[PathLike],
+            camera: str = "") -> _core.StreamChoice:
+    return _core.StreamChoice(events_topic, imu_topic, truth_topic, imu or "", camera)
 
 
 def load_rig(rig: Optional[PathLike] = None, *, sequence: Optional[PathLike] = None,
@@ -48,11 +49,12 @@ def run(path: PathLike, out: Optional[PathLike] = None, preset: str = "realtime"
         rig: Union[PathLike, _core.Rig, None] = None, imu_rig: Optional[PathLike] = None,
         options: Optional[Options] = None, from_s: float = 0.0, to_s: Optional[float] = None, *,
         rate_hz: float = 0.0, on_estimate: Optional[Callable[[_core.Estimate], Any]] = None, events_topic: str = "",
-        imu_topic: str = "", truth_topic: str = "", imu: Optional[PathLike] = None) -> Result:
+        imu_topic: str = "", truth_topic: str = "", imu: Optional[PathLike] = None, camera: str = "") -> Result:
     """Trajectory and lines of a recording: what `idol run` does, with the same bits.
 
     rig: a file, the name of a ready rig or a Rig; without one, what lies in the recording's folder.
     options: by dotted name or nested, as {"backend.lag_windows": 30} or {"backend": {"lag_windows": 30}}.
+    camera: of a rig file with several, as cam1; else the one of the sensor's size is taken.
     from_s, to_s: seconds from the recording's first stamp. out: a folder for all that `idol run` writes.
     on_estimate: is called with an Estimate after each window, in another thread; what it raises ends the run and
     comes out of here.
@@ -65,7 +67,7 @@ def run(path: PathLike, out: Optional[PathLike] = None, preset: str = "realtime"
         raise _core.UsageError("imu_rig: a Rig has its IMU's noise already")
     found, why = _core.run(path, out or "", preset, settings(options), rig if given else None,
                            "" if given else rig or "", imu_rig or "", from_s, 1e30 if to_s is None else to_s, rate_hz,
-                           streams(events_topic, imu_topic, truth_topic, imu), on_estimate)
+                           streams(events_topic, imu_topic, truth_topic, imu, camera), on_estimate)
     result = Result(**{name: Trajectory(*found[name]) for name in found if name.startswith("trajectory")},
                     states=States(**found["states"]), lines=Lines(**found["lines"]),
                     stats=json.loads(found["stats"]), warnings=found["warnings"], rig=found["rig"],
@@ -110,14 +112,14 @@ def _arrays(trajectory: Union[Trajectory, np.ndarray]) -> tuple:
 def convert(path: PathLike, out: PathLike, format: str = "", compress: bool = False, *,
             rig: Optional[PathLike] = None, imu_rig: Optional[PathLike] = None, from_s: float = 0.0,
             to_s: Optional[float] = None, events_topic: str = "", imu_topic: str = "", truth_topic: str = "",
-            imu: Optional[PathLike] = None) -> Dict[str, Any]:
+            imu: Optional[PathLike] = None, camera: str = "") -> Dict[str, Any]:
     """Writes a recording in another format: by the ending of `out` .bag, .h5, .aedat4, else a folder of text.
 
     Returns the numbers of events, imu samples and poses written, and the warnings. Raises DataError; of a
     damaged recording, what came before the damage is written.
     """
     return _core.convert(path, out, format, compress, rig or "", imu_rig or "", from_s,
-                         1e30 if to_s is None else to_s, streams(events_topic, imu_topic, truth_topic, imu))
+                         1e30 if to_s is None else to_s, streams(events_topic, imu_topic, truth_topic, imu, camera))
 
 
 def config(preset: str = "realtime", options: Optional[Options] = None) -> str:

@@ -42,7 +42,8 @@ class PacketReader {
 py::tuple next_packet(PacketReader& reader) {
   auto packet = reader.next();
   if (!packet) throw py::stop_iteration();
-  return py::make_tuple(adopt(std::move(packet->events), event_dtype()), adopt(std::move(packet->imu), imu_dtype()));
+  return py::make_tuple(adopt(std::move(packet->events), event_dtype()),
+                        adopt(std::move(packet->imu), imu_dtype()));
 }
 
 std::unique_ptr<PacketReader> open(const fs::path& path, std::pair<int, int> size, double from_s, double to_s,
@@ -76,19 +77,20 @@ void bind_trajectories(py::module_& module) {
   module.def("load_estimate", [](const fs::path& path, bool of_imu) {
     return trajectory_arrays(load_estimate(estimate_file(path, GroundTruth{{}, {}, of_imu})));
   });
-  module.def("write_trajectory", [](const fs::path& path, const py::array_t<Time>& t, const py::array_t<double>& p,
-                                    const py::array_t<double>& q) {
-    write_trajectory(path, trajectory_from_arrays(t, p, q));
-  });
+  module.def("write_trajectory",
+             [](const fs::path& path, const py::array_t<Time>& t, const py::array_t<double>& p,
+                const py::array_t<double>& q) { write_trajectory(path, trajectory_from_arrays(t, p, q)); });
 }
 
 }  // namespace
 
 void bind_recordings(py::module_& module) {
   py::class_<StreamChoice>(module, "StreamChoice")
-      .def(py::init([](std::string events, std::string imu, std::string truth, fs::path imu_file) {
-        return StreamChoice{std::move(events), std::move(imu), std::move(truth), std::move(imu_file)};
-      }));
+      .def(py::init(
+          [](std::string events, std::string imu, std::string truth, fs::path imu_file, std::string camera) {
+            return StreamChoice{std::move(events), std::move(imu), std::move(truth), std::move(imu_file),
+                                std::move(camera)};
+          }));
   py::class_<PacketReader>(module, "PacketReader")
       .def(py::init(&open))
       .def("next", &next_packet)
@@ -98,18 +100,18 @@ void bind_recordings(py::module_& module) {
            [](PacketReader& r) { return to_dict(r.ask([](Reader& x) { return x.diagnostics(); })); });
   bind_trajectories(module);
   using Trajectories = std::tuple<py::array_t<Time>, py::array_t<double>, py::array_t<double>>;
-  module.def("evaluate", [](const Trajectories& estimate, const Trajectories& truth,
-                            const std::vector<std::string>& protocols, bool interpolate,
-                            std::optional<double> until_s) {
-    const Trajectory e = std::apply(trajectory_from_arrays, estimate);
-    const Trajectory t = std::apply(trajectory_from_arrays, truth);
-    EvaluationOptions options;
-    options.protocols = protocols;
-    options.interpolate = interpolate;
-    options.until_s = until_s;
-    const py::gil_scoped_release unlocked;
-    return evaluation_json(evaluate(e, t, options));
-  });
+  module.def("evaluate",
+             [](const Trajectories& estimate, const Trajectories& truth,
+                const std::vector<std::string>& protocols, bool interpolate, std::optional<double> until_s) {
+               const Trajectory e = std::apply(trajectory_from_arrays, estimate);
+               const Trajectory t = std::apply(trajectory_from_arrays, truth);
+               EvaluationOptions options;
+               options.protocols = protocols;
+               options.interpolate = interpolate;
+               options.until_s = until_s;
+               const py::gil_scoped_release unlocked;
+               return evaluation_json(evaluate(e, t, options));
+             });
 }
 
 }  // namespace idol::python

@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "idol/base/rig.hpp"
+#include "idol/io/recording.hpp"
 #include "module.hpp"
 
 namespace idol::python {
@@ -43,8 +44,9 @@ Rig make_rig(int width, int height, const std::array<double, 4>& intrinsics, con
              const ImuNoise& imu) {
   Rig rig;
   Camera& camera = rig.camera;
-  camera = {width, height, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3],
-            parse_distortion(distortion), {}};
+  camera = {
+      width, height, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], parse_distortion(distortion),
+      {}};
   if (coeffs.size() > camera.coeffs.size()) throw DataError("coeffs: more than five");
   std::copy(coeffs.begin(), coeffs.end(), camera.coeffs.begin());
   camera.check("Rig");
@@ -57,7 +59,8 @@ Rig make_rig(int width, int height, const std::array<double, 4>& intrinsics, con
 Rig load(const std::filesystem::path& sequence, const std::filesystem::path& rig,
          const std::filesystem::path& imu_rig) {
   Diagnostics diagnostics;
-  const Rig loaded = load_rig(sequence, rig, imu_rig, &diagnostics);
+  const Rig loaded = load_rig(sequence, rig, imu_rig, &diagnostics, {},
+                              sequence.empty() ? CameraChoice{} : camera_choice(sequence));
   for (const auto& [kind, entry] : diagnostics.entries())
     if (PyErr_WarnEx(PyExc_UserWarning, entry.first_message.c_str(), 1) != 0) throw py::error_already_set();
   return loaded;
@@ -103,8 +106,9 @@ void bind_rig(py::module_& module) {
       .def_property_readonly(
           "coeffs", [](const Rig& rig) { return py::tuple(py::cast(rig.camera.coeffs)); },
           "radtan: k1 k2 p1 p2 k3; equidistant: k1 k2 k3 k4 0.")
-      .def_property_readonly("T_i_c", [](const Rig& rig) { return to_matrix(rig.T_i_c); },
-                             "Pose of the camera in the frame of the IMU, 4 x 4.")
+      .def_property_readonly(
+          "T_i_c", [](const Rig& rig) { return to_matrix(rig.T_i_c); },
+          "Pose of the camera in the frame of the IMU, 4 x 4.")
       .def_readonly("time_offset_s", &Rig::time_offset_s, "t_imu = t_camera + time_offset_s.")
       .def_readonly("imu", &Rig::imu)
       .def("to_yaml", &rig_to_yaml, "The rig as a file that load_rig reads.")

@@ -8,8 +8,11 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <string>
+#include <tuple>
 
+#include "idol/base/calibration_checks.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/foreign_calibrations.hpp"
 #include "idol/base/yaml_file.hpp"
@@ -76,20 +79,92 @@ Pose pose_of(const YamlNode& node) {
   return {Quat(nearest).normalized(), T.topRightCorner<3, 1>()};
 }
 
-ImuNoise noise_of(const YamlNode& imu) {
+ImuNoise noise_of(const YamlNode& imu, Diagnostics& remarks) {
   const auto at_least = [&](const char* key, bool zero_allowed) {
     const YamlNode node = imu.at(key);
     const double value = node.number();
     if (value < 0 || (value == 0 && !zero_allowed)) node.refuse("must be positive");
     return value;
   };
+  const auto noise_at = [&](const char* key, const NoiseRange& range, bool zero_allowed) {
+    return checked_noise(imu.at(key), at_least(key, zero_allowed), range, remarks);
+  };
   ImuNoise noise;
-  noise.gyro_density = at_least("gyroscope_noise_density", false);
-  noise.gyro_walk = at_least("gyroscope_random_walk", true);
-  noise.accel_density = at_least("accelerometer_noise_density", false);
-  noise.accel_walk = at_least("accelerometer_random_walk", true);
+  noise.gyro_density = noise_at("gyroscope_noise_density", kGyroDensity, false);
+  noise.gyro_walk = noise_at("gyroscope_random_walk", kGyroWalk, true);
+  noise.accel_density = noise_at("accelerometer_noise_density", kAccelDensity, false);
+  noise.accel_walk = noise_at("accelerometer_random_walk", kAccelWalk, true);
   noise.rate_hz = at_least("update_rate", false);
   return noise;
+}
+
+std::pair<int, int> size_of(const YamlNode& cam) {
+  if (!cam.has("resolution")) return {0, 0};
+  const YamlNode resolution = cam.at("resolution");
+  const std::vector<YamlNode> size = resolution.items();
+  if (size.size() != 2) resolution.refuse("the resolution is two whole numbers, [width, height]");
+  return {pixels_of(size[0]), pixels_of(size[1])};
+}
+
+/// The keys cam0, cam1, ... of a camchain.
+std::vector<ListedCamera> cameras_of(const YamlNode& root) {
+  std::vector<ListedCamera> cameras;
+  for (const std::string& key : root.keys()) {
+    if (!key.starts_with("cam") || key.find_first_not_of("0123456789", 3) != std::string::npos ||
+        key.size() == 3)
+      continue;
+    const auto [width, height] = size_of(root.at(key));
+    cameras.push_back({key, width, height});
+  }
+  return cameras;
+}
+
+/// How the camera is mounted on the IMU. Kalibr gives the IMU in the camera's frame, OpenVINS the camera in
+/// the IMU's; Kalibr's camera chains give each camera but the first in the frame of the one before.
+std::optional<Pose> mounting_of(const YamlNode& root, const std::string& name, Diagnostics& remarks) {
+  const YamlNode cam = root.at(name);
+  std::optional<Pose> T_i_c;
+  if (cam.has("T_imu_cam")) T_i_c = pose_of(cam.at("T_imu_cam"));
+  if (cam.has("T_cam_imu")) {
+    const YamlNode node = cam.at("T_cam_imu");
+    const Pose inverse = pose_of(node).inverse();
+    constexpr double kSameAngle = 0.01, kSamePlace = 0.01;  // [rad], [m]
+    if (T_i_c && ((T_i_c->p - inverse.p).norm() > kSamePlace ||
+                  quat_log(T_i_c->q.conjugate() * inverse.q).norm() > kSameAngle))
+      node.refuse("contradicts T_imu_cam, of which it must be the inverse; take the wrong one out");
+    T_i_c = inverse;
+  }
+  if (T_i_c) {
+    check_lever_arm(cam.at(cam.has("T_cam_imu") ? "T_cam_imu" : "T_imu_cam"), *T_i_c, remarks);
+    return T_i_c;
+  }
+  if (!cam.has("T_cn_cnm1")) return std::nullopt;
+  const std::string before = fmt::format("cam{}", std::stoi(name.substr(3)) - 1);
+  if (!root.has(before)) return std::nullopt;
+  const auto T_i_before = mounting_of(root, before, remarks);
+  if (!T_i_before) return std::nullopt;
+  return *T_i_before * pose_of(cam.at("T_cn_cnm1")).inverse();
+}
+
+void read_camera(const YamlNode& root, const std::string& name, CalibrationFile& file) {
+  const YamlNode cam = root.at(name);
+  std::tie(file.width, file.height) = size_of(cam);
+  if (cam.has("intrinsics")) {
+    file.camera = lens_of(cam);
+    file.camera->width = file.width;
+    file.camera->height = file.height;
+    check_centre(cam.at("intrinsics"), *file.camera, file.remarks);
+  }
+  file.T_i_c = mounting_of(root, name, file.remarks);
+  if (cam.has("timeshift_cam_imu")) {
+    const YamlNode shift = cam.at("timeshift_cam_imu");
+    file.time_offset_s = shift.number();
+    check_time_shift(shift, *file.time_offset_s, file.remarks);
+  }
+  warn_of_unused(cam,
+                 {"T_cam_imu", "T_imu_cam", "T_cn_cnm1", "camera_model", "intrinsics", "distortion_model",
+                  "distortion_coeffs", "resolution", "timeshift_cam_imu", "cam_overlaps", "rostopic"},
+                 file.remarks);
 }
 
 }  // namespace
@@ -102,33 +177,27 @@ int pixels_of(const YamlNode& node) {
   return static_cast<int>(value);
 }
 
-CalibrationFile read_calibration(const YamlNode& root) {
-  if (root.has("value0")) return read_basalt_file(root);
+CalibrationFile read_calibration(const YamlNode& root, const CameraChoice& choice) {
+  if (root.has("value0")) return read_basalt_file(root, choice);
   CalibrationFile file;
-  if (root.has("cam0")) {
-    const YamlNode cam = root.at("cam0");
-    if (cam.has("resolution")) {
-      const YamlNode resolution = cam.at("resolution");
-      const std::vector<YamlNode> size = resolution.items();
-      if (size.size() != 2) resolution.refuse("the resolution is two whole numbers, [width, height]");
-      file.width = pixels_of(size[0]);
-      file.height = pixels_of(size[1]);
-    }
-    if (cam.has("intrinsics")) {
-      file.camera = lens_of(cam);
-      file.camera->width = file.width;
-      file.camera->height = file.height;
-    }
-    // Kalibr gives the IMU in the camera's frame, OpenVINS the camera in the IMU's.
-    if (cam.has("T_imu_cam")) file.T_i_c = pose_of(cam.at("T_imu_cam"));
-    if (cam.has("T_cam_imu")) file.T_i_c = pose_of(cam.at("T_cam_imu")).inverse();
-    if (cam.has("timeshift_cam_imu")) file.time_offset_s = cam.at("timeshift_cam_imu").number();
-  }
+  const std::vector<ListedCamera> cameras = cameras_of(root);
+  if (!cameras.empty())
+    read_camera(root, cameras[choose_camera(root.file(), cameras, choice, file.remarks)].name, file);
   const YamlNode imu = root.has("imu0") ? root.at("imu0") : root;
   for (const char* key : {"accelerometer_noise_density", "gyroscope_noise_density"})
-    if (imu.has(key) && !file.imu) file.imu = noise_of(imu);
+    if (imu.has(key) && !file.imu) file.imu = noise_of(imu, file.remarks);
+  std::set<std::string> used{"accelerometer_noise_density",
+                             "accelerometer_random_walk",
+                             "gyroscope_noise_density",
+                             "gyroscope_random_walk",
+                             "update_rate",
+                             "rostopic",
+                             "imu0",
+                             "approximate"};
+  for (const ListedCamera& camera : cameras) used.insert(camera.name);
+  warn_of_unused(imu, used, file.remarks);
   if (root.has("approximate")) file.approximate = root.at("approximate").text() == "true";
-  if (!root.has("cam0") && !file.imu) {
+  if (cameras.empty() && !file.imu) {
     throw DataError(
         fmt::format("{}: neither 'cam0' nor IMU noise in this file; Kalibr's camchain-imucam.yaml or "
                     "imu.yaml, or Basalt's calibration.json, is expected",
@@ -137,8 +206,8 @@ CalibrationFile read_calibration(const YamlNode& root) {
   return file;
 }
 
-CalibrationFile read_calibration_file(const std::filesystem::path& path) {
-  return read_calibration(YamlNode::load(path));
+CalibrationFile read_calibration_file(const std::filesystem::path& path, const CameraChoice& choice) {
+  return read_calibration(YamlNode::load(path), choice);
 }
 
 Camera read_rpg_calibration(const std::filesystem::path& path) {

@@ -23,15 +23,16 @@ struct CalibrationFile {
   std::optional<double> time_offset_s;
   std::optional<ImuNoise> imu;
   bool approximate = false;  ///< typical of the sensor, not measured on this one
+  Diagnostics remarks;       ///< what cannot be right, and what is stated but not used
 };
 
 /// Number of pixels, as a whole number. Throws DataError.
 int pixels_of(const YamlNode& node);
 
 /// Reads what a file (its root) of Kalibr, OpenVINS or Basalt holds. Throws DataError with file and line for
-/// what it holds but makes no sense.
-CalibrationFile read_calibration(const YamlNode& root);
-CalibrationFile read_calibration_file(const std::filesystem::path& path);
+/// what it holds but makes no sense, UsageError if `choice` does not tell which of its cameras to take.
+CalibrationFile read_calibration(const YamlNode& root, const CameraChoice& choice = {});
+CalibrationFile read_calibration_file(const std::filesystem::path& path, const CameraChoice& choice = {});
 
 /// RPG calib.txt: fx fy cx cy k1 k2 p1 p2 k3; resolution 0 x 0. Throws DataError.
 Camera read_rpg_calibration(const std::filesystem::path& path);

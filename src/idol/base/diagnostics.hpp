@@ -48,6 +48,10 @@ class Diagnostics {
   void merge(const Diagnostics& other) {
     for (const auto& [kind, entry] : other.entries_) warn(kind, entry.first_message, entry.count);
   }
+  /// The same, but for kinds that were counted here already.
+  void merge_new(const Diagnostics& other) {
+    entries_.insert(other.entries_.begin(), other.entries_.end());
+  }
   [[nodiscard]] const std::map<std::string, Entry>& entries() const { return entries_; }
 
  private:

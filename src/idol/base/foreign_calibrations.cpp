@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "idol/base/calibration_checks.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/yaml_file.hpp"
 
@@ -48,7 +49,7 @@ double largest(const YamlNode& node) {
   double most = 0;
   for (const double v : node.is_list() ? node.numbers() : std::vector<double>{node.number()})
     most = std::max(most, v);
-  if (!(most > 0)) node.refuse("must be positive");
+  if (!(most >= 0)) node.refuse("must be positive");
   return most;
 }
 
@@ -109,33 +110,56 @@ bool is_opencv_xml(const std::filesystem::path& path) {
   return start.find("<opencv_storage>") != std::string::npos;
 }
 
-CalibrationFile read_basalt_file(const YamlNode& root) {
+CalibrationFile read_basalt_file(const YamlNode& root, const CameraChoice& choice) {
   const YamlNode calibration = root.at("value0");
-  const auto first = [&](const char* key) {
+  CalibrationFile file;
+  std::vector<ListedCamera> cameras;
+  for (const YamlNode& size : calibration.at("resolution").items()) {
+    const auto sides = size.items();
+    if (sides.size() != 2) size.refuse("the resolution is two whole numbers");
+    cameras.push_back({fmt::format("cam{}", cameras.size()), pixels_of(sides[0]), pixels_of(sides[1])});
+  }
+  if (cameras.empty()) calibration.at("resolution").refuse("the list is empty");
+  const std::size_t chosen = choose_camera(root.file(), cameras, choice, file.remarks);
+  const auto of_chosen = [&](const char* key) {
     const YamlNode list = calibration.at(key);
     const auto items = list.items();
-    if (items.empty()) list.refuse("the list is empty");
-    return items[0];
+    if (items.size() <= chosen) list.refuse(fmt::format("has no entry for {}", cameras[chosen].name));
+    return items[chosen];
   };
-  CalibrationFile file;
-  file.camera = basalt_camera(first("intrinsics"), first("resolution").items());
+  file.camera = basalt_camera(of_chosen("intrinsics"), of_chosen("resolution").items());
   file.width = file.camera->width;
   file.height = file.camera->height;
-  const YamlNode T = first("T_imu_cam");
+  check_centre(of_chosen("intrinsics"), *file.camera, file.remarks);
+  const YamlNode T = of_chosen("T_imu_cam");
   const auto value = [&](const char* key) { return T.at(key).number(); };
   const Quat q(value("qw"), value("qx"), value("qy"), value("qz"));
   constexpr double kTolerance = 1e-3;
   if (std::abs(q.norm() - 1) > kTolerance) T.refuse("the quaternion must have length 1");
   file.T_i_c = Pose{q.normalized(), Vec3(value("px"), value("py"), value("pz"))};
-  if (calibration.has("cam_time_offset_ns"))
-    file.time_offset_s = calibration.at("cam_time_offset_ns").number() * 1e-9;
+  check_lever_arm(T, *file.T_i_c, file.remarks);
+  if (calibration.has("cam_time_offset_ns")) {
+    const YamlNode shift = calibration.at("cam_time_offset_ns");
+    file.time_offset_s = shift.number() * 1e-9;
+    check_time_shift(shift, *file.time_offset_s, file.remarks);
+  }
+  const auto noise_at = [&](const char* key, const NoiseRange& range) {
+    const YamlNode node = calibration.at(key);
+    return checked_noise(node, largest(node), range, file.remarks);
+  };
   ImuNoise noise;
-  noise.accel_density = largest(calibration.at("accel_noise_std"));
-  noise.gyro_density = largest(calibration.at("gyro_noise_std"));
-  noise.accel_walk = largest(calibration.at("accel_bias_std"));
-  noise.gyro_walk = largest(calibration.at("gyro_bias_std"));
+  noise.accel_density = noise_at("accel_noise_std", kAccelDensity);
+  noise.gyro_density = noise_at("gyro_noise_std", kGyroDensity);
+  noise.accel_walk = noise_at("accel_bias_std", kAccelWalk);
+  noise.gyro_walk = noise_at("gyro_bias_std", kGyroWalk);
   noise.rate_hz = largest(calibration.at("imu_update_rate"));
   file.imu = noise;
+  // Of the rest, what is about the motion capture and the brightness of pictures is of no use here.
+  warn_of_unused(calibration,
+                 {"T_imu_cam", "intrinsics", "resolution", "cam_time_offset_ns", "accel_noise_std",
+                  "gyro_noise_std", "accel_bias_std", "gyro_bias_std", "imu_update_rate", "vignette",
+                  "mocap_time_offset_ns", "mocap_to_imu_offset_ns", "T_mocap_world", "T_imu_marker"},
+                 file.remarks);
   return file;
 }
 

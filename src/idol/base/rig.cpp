@@ -26,6 +26,7 @@ struct Sources {
   fs::path rig_path;   ///< Kalibr's or its like; empty: none
   fs::path lens_path;  ///< RPG's or iniVation's; empty: none
   bool lens_first = false;
+  const ReadyRig* ready = nullptr;  ///< instead of a file
   CalibrationFile rig;
 };
 
@@ -55,11 +56,41 @@ std::string names_of_ready_rigs() {
   return names;
 }
 
-Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
+/// The only file in the folder that is called as Kalibr calls its results after a bag; empty: none. Throws
+/// DataError if there are several.
+fs::path find_named_after_bag(const fs::path& folder, bool (*is_it)(const std::string&), const char* option) {
+  std::vector<fs::path> found;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder.empty() ? "." : folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with('.') && name.ends_with(".yaml") && is_it(name)) found.push_back(entry.path());
+  }
+  if (found.empty()) return {};
+  std::sort(found.begin(), found.end());
+  if (found.size() > 1)
+    throw DataError(fmt::format("{}: {} lies beside it; give the one to read with {}", found[0].string(),
+                                found[1].filename().string(), option));
+  return found[0];
+}
+
+bool is_camchain(const std::string& name) {
+  return name.find("camchain-imucam") != std::string::npos ||
+         name.find("camchain_imucam") != std::string::npos;
+}
+bool is_imu_file(const std::string& name) {
+  return name.find("imu") != std::string::npos && name.find("cam") == std::string::npos;
+}
+
+/// Where they are; none is read.
+Sources locate_sources(const fs::path& sequence, const fs::path& rig_path) {
   Sources sources;
   sources.folder = fs::is_directory(sequence) ? sequence : sequence.parent_path();
   const ReadyRig* ready = fs::exists(rig_path) ? nullptr : find_ready_rig(rig_path);
+  sources.ready = ready;
   if (!rig_path.empty()) {
+    if (ready == nullptr && fs::exists(rig_path) && !fs::is_regular_file(rig_path))
+      throw DataError(fmt::format("{}: is no regular file; a rig is read more than once: write it to a file",
+                                  rig_path.string()));
     if (ready == nullptr && !fs::is_regular_file(rig_path))
       throw DataError(fmt::format("{}: no such rig file, and none of the ready rigs: {}", rig_path.string(),
                                   names_of_ready_rigs()));
@@ -71,11 +102,18 @@ Sources find_sources(const fs::path& sequence, const fs::path& rig_path) {
   };
   for (const char* name : {"camchain-imucam.yaml", "kalibr_imucam_chain.yaml", "calibration.json"})
     take(sources.rig_path, name);
+  if (sources.rig_path.empty() && ready == nullptr)
+    sources.rig_path = find_named_after_bag(sources.folder, is_camchain, "--rig");
   for (const char* name : {"calib.txt", "calibration.xml"}) take(sources.lens_path, name);
-  if (ready != nullptr) {
-    sources.rig = read_ready_rig(*ready);
+  return sources;
+}
+
+Sources find_sources(const fs::path& sequence, const fs::path& rig_path, const CameraChoice& choice) {
+  Sources sources = locate_sources(sequence, rig_path);
+  if (sources.ready != nullptr) {
+    sources.rig = read_ready_rig(*sources.ready);
   } else if (!sources.rig_path.empty()) {
-    sources.rig = read_calibration_file(sources.rig_path);
+    sources.rig = read_calibration_file(sources.rig_path, choice);
   }
   return sources;
 }
@@ -148,8 +186,16 @@ std::optional<Camera> camera_of(const Sources& sources, Diagnostics* diagnostics
   return camera;
 }
 
-ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
-  const auto read = [](const fs::path& path) {
+/// An IMU's noise that lies beside the recording or the rig file; empty: none.
+fs::path imu_file_of(const Sources& sources) {
+  for (const fs::path& folder : {sources.folder, sources.rig_path.parent_path()})
+    for (const char* name : {"imu.yaml", "kalibr_imu_chain.yaml"})
+      if (fs::exists(folder / name)) return folder / name;
+  return find_named_after_bag(sources.folder, is_imu_file, "--imu-rig");
+}
+
+ImuNoise imu_of(const Sources& sources, const fs::path& imu_path, Diagnostics* diagnostics) {
+  const auto read = [&](const fs::path& path) {
     const CalibrationFile file = read_calibration_file(path);
     if (!file.imu) {
       throw DataError(
@@ -157,13 +203,12 @@ ImuNoise imu_of(const Sources& sources, const fs::path& imu_path) {
                       "Kalibr's imu.yaml)",
                       path.string()));
     }
+    if (diagnostics != nullptr) diagnostics->merge(file.remarks);
     return *file.imu;
   };
   if (!imu_path.empty()) return read(imu_path);
   if (sources.rig.imu) return *sources.rig.imu;
-  for (const fs::path& folder : {sources.folder, sources.rig_path.parent_path()})
-    for (const char* name : {"imu.yaml", "kalibr_imu_chain.yaml"})
-      if (fs::exists(folder / name)) return read(folder / name);
+  if (const fs::path beside = imu_file_of(sources); !beside.empty()) return read(beside);
   throw DataError(
       fmt::format("{}: no IMU noise: neither here nor in an imu.yaml beside the recording; give Kalibr's "
                   "imu.yaml with --imu-rig, or add its keys to this file",
@@ -217,8 +262,8 @@ std::vector<CameraRate> camera_rates(std::span<const ImuSample> samples, const R
 }
 
 Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path& imu_path,
-             Diagnostics* diagnostics, const StatedSize& stated) {
-  Sources sources = find_sources(sequence, rig_path);
+             Diagnostics* diagnostics, const StatedSize& stated, const CameraChoice& choice) {
+  Sources sources = find_sources(sequence, rig_path, choice);
   assume_rpg_rig(sources, stated, diagnostics);
   if (sources.rig_path.empty() && sources.lens_path.empty()) {
     throw DataError(
@@ -255,13 +300,19 @@ Rig load_rig(const fs::path& sequence, const fs::path& rig_path, const fs::path&
         fmt::format("{}: typical of this sensor, not measured on yours: expect a trajectory of roughly "
                     "the right shape, and calibrate for more",
                     sources.rig_path.string()));
-  rig.imu = imu_of(sources, imu_path);
+  if (diagnostics != nullptr) diagnostics->merge(sources.rig.remarks);
+  rig.imu = imu_of(sources, imu_path, diagnostics);
   return rig;
 }
 
+std::vector<fs::path> rig_files(const fs::path& sequence, const fs::path& rig_path) {
+  const Sources sources = locate_sources(sequence, rig_path);
+  return {sources.rig_path, sources.lens_path, imu_file_of(sources)};
+}
+
 std::optional<Camera> find_camera(const fs::path& sequence, const fs::path& rig_path,
-                                  Diagnostics* diagnostics) {
-  return camera_of(find_sources(sequence, rig_path), diagnostics);
+                                  Diagnostics* diagnostics, const CameraChoice& choice) {
+  return camera_of(find_sources(sequence, rig_path, choice), diagnostics);
 }
 
 std::string rig_to_yaml(const Rig& rig) {

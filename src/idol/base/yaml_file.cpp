@@ -44,17 +44,30 @@ std::string YamlNode::text() const {
   return node_.Scalar();
 }
 
-double YamlNode::number() const {
-  const std::string value = text();
+std::vector<std::string> YamlNode::keys() const {
+  std::vector<std::string> names;
+  for (const auto& entry : node_)
+    if (entry.first.IsScalar()) names.push_back(entry.first.Scalar());
+  return names;
+}
+
+std::optional<double> YamlNode::try_number() const {
+  if (!node_.IsScalar()) return std::nullopt;
+  const std::string value = node_.Scalar();
   const char* begin = value.data();
   const char* end = begin + value.size();
   if (value.size() > 1 && *begin == '+') ++begin;
   double result = 0;
   // Not yaml-cpp's own conversion: that one follows the locale.
   const auto [stop, error] = std::from_chars(begin, end, result);
-  if (stop != end || error != std::errc() || !std::isfinite(result))
-    refuse(fmt::format("'{}' is not a finite number", printable(value)));
+  if (stop != end || error != std::errc() || !std::isfinite(result)) return std::nullopt;
   return result;
+}
+
+double YamlNode::number() const {
+  const auto value = try_number();
+  if (!value) refuse(fmt::format("'{}' is not a finite number", printable(text())));
+  return *value;
 }
 
 std::vector<YamlNode> YamlNode::items() const {

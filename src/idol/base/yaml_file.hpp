@@ -4,6 +4,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,6 +21,13 @@ class YamlNode {
 
   [[nodiscard]] bool has(const std::string& key) const;
   [[nodiscard]] bool is_list() const { return node_.IsSequence(); }
+  [[nodiscard]] bool is_map() const { return node_.IsMap(); }
+  /// The keys of a map, in the order of the file.
+  [[nodiscard]] std::vector<std::string> keys() const;
+  /// The key by which this node was reached.
+  [[nodiscard]] const std::string& key() const { return key_; }
+  /// The value if it is a finite number.
+  [[nodiscard]] std::optional<double> try_number() const;
   /// The value of a key of this map. Throws DataError if it is not there.
   [[nodiscard]] YamlNode at(const std::string& key) const;
   /// The value as a finite number, as text, as a list of finite numbers, as its items. Each throws DataError.
@@ -28,6 +36,7 @@ class YamlNode {
   [[nodiscard]] std::vector<double> numbers() const;
   [[nodiscard]] std::vector<YamlNode> items() const;
 
+  [[nodiscard]] const std::string& file() const { return file_; }
   /// "file:line" of the node.
   [[nodiscard]] std::string where() const;
   /// Throws DataError with the node's place before the message.

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "idol/base/diagnostics.hpp"
 #include "idol/io/recording.hpp"
 #include "idol/io/trajectory_io.hpp"
@@ -19,12 +21,16 @@ Trajectory load_estimate(const fs::path& file) {
 }
 
 GroundTruth load_groundtruth(const fs::path& path) {
-  if (!holds_recording(path)) return {load_estimate(path), path.string()};
+  if (!holds_recording(path)) {
+    TruthFile truth = read_truth(path);
+    return {std::move(truth.poses), path.string(), false, truth.lost};
+  }
   const auto recording = open_recording(path);
   auto trajectory = recording->groundtruth();
   if (!trajectory) throw DataError(fmt::format("{}: this recording has no ground truth", path.string()));
   const auto file = path / "groundtruth.txt";
-  return {*trajectory, fs::exists(file) ? file.string() : path.string(), recording->truth_of_imu()};
+  return {*trajectory, fs::exists(file) ? file.string() : path.string(), recording->truth_of_imu(),
+          recording->lost_poses()};
 }
 
 fs::path estimate_file(const fs::path& path, const GroundTruth& truth) {

@@ -1,6 +1,7 @@
 // Where the two trajectories of an evaluation come from.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 
@@ -13,6 +14,7 @@ struct GroundTruth {
   Trajectory trajectory;
   std::string name;  ///< the file it came from, for messages
   bool of_imu = false;
+  std::int64_t lost = 0;  ///< poses that the capture had lost, left out
 };
 
 /// Throws DataError if there is none.

@@ -24,6 +24,8 @@ double median_of_sorted(const std::vector<double>& sorted) {
 }  // namespace
 
 Stats statistics(std::vector<double> values) {
+  // Of truth without orientation: no figures.
+  if (std::any_of(values.begin(), values.end(), [](double v) { return std::isnan(v); })) values.clear();
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   if (values.empty()) return {kNan, kNan, kNan, kNan, kNan, kNan};
   std::sort(values.begin(), values.end());

@@ -101,15 +101,19 @@ Trajectory cut(const Trajectory& estimate, std::optional<double> until_s) {
 }
 
 void check_matched(const MatchedPoses& pairs, const Trajectory& estimate, const Trajectory& groundtruth) {
-  if (pairs.size() > 0) return;
+  // Two or fewer align with anything.
+  constexpr std::size_t kFewest = 3;
+  if (pairs.size() >= std::min({kFewest, estimate.size(), groundtruth.size()}) && pairs.size() > 0) return;
   const auto range = [](const Trajectory& t) {
     return fmt::format("{} poses from {:.3f} to {:.3f} s", t.size(), stamp_seconds(t.front().t),
                        stamp_seconds(t.back().t));
   };
-  throw DataError(
-      fmt::format("no estimate pose has ground truth at its time: the estimate has {}, the ground "
-                  "truth {}; give files of the same recording with stamps of the same clock",
-                  range(estimate), range(groundtruth)));
+  throw DataError(fmt::format(
+      "{} estimate pose{} ground truth at {} time: the estimate has {}, the ground truth {}; give files of "
+      "the "
+      "same recording with stamps of the same clock",
+      pairs.size() == 0 ? "no" : fmt::format("only {}", pairs.size()), pairs.size() == 2 ? "s have" : " has",
+      pairs.size() == 2 ? "their" : "its", range(estimate), range(groundtruth)));
 }
 
 /// The protocols to run, in the table's order; `custom` first.

@@ -61,7 +61,10 @@ AedatFile::AedatFile(const std::filesystem::path& path) : file_(path) {
         codec_ = BlockCodec::kZstd;
         break;
       default:
-        throw BadBytes{"its compression is none of none, LZ4 and Zstandard"};
+        throw DataError(
+            fmt::format("{}: compression {} is not read (0: none, 1 and 2: LZ4, 3 and 4: Zstandard); "
+                        "write the file again with one of these",
+                        file_.name(), header.get<std::int32_t>(0)));
     }
     const auto table = header.get<std::int64_t>(1, -1);
     finished_ =

@@ -107,12 +107,15 @@ class AedatFrames : public FrameSource {
       const auto format = picture.get<std::int8_t>(5);  // OpenCV's: 0 + 8 (channels - 1) for 8 bits
       const auto width = picture.get<std::uint16_t>(6), height = picture.get<std::uint16_t>(7);
       const auto pixels = picture.vector(10, 1);
-      if (format < 0 || format % 8 != 0 || format > 24) throw BadBytes{"its picture is not of 8 bits"};
+      if (format < 0 || format % 8 != 0 || format > 24)
+        throw UnknownFormat(fmt::format("pictures of OpenCV's type {} are not read; 8 bits are", format));
       const auto channels = static_cast<std::size_t>(format / 8 + 1);
       fill_grey(frame, buffer.subspan(pixels.at, pixels.count), width, height, width * channels, channels);
     } catch (const BadBytes& e) {
       throw DataError(
           fmt::format("{}: the packet is damaged: {}", file_->file().where(packets_.place()), e.why));
+    } catch (const UnknownFormat& e) {
+      throw DataError(fmt::format("{}: {}", file_->file().where(packets_.place()), e.what()));
     }
     return true;
   }

@@ -22,6 +22,7 @@ class AedatRecording : public Recording {
   std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) override;
   /// Walks through the file to count.
   std::unique_ptr<FrameSource> frames() override;
+  [[nodiscard]] std::vector<std::filesystem::path> files() const override { return {file_->file().name()}; }
   std::vector<StreamInfo> streams() override;
   Resolution resolution() override;
 

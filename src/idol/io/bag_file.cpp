@@ -125,12 +125,18 @@ void BagFile::add_connection(Bytes header, Bytes data) {
   const auto id = number<std::uint32_t>(header, "conn");
   const std::string topic = text(field(header, "topic"));
   const std::string type = text(field(data, "type"));
-  const auto known = std::find_if(topics_.begin(), topics_.end(),
-                                  [&](const BagTopic& t) { return t.name == topic && t.type == type; });
+  const auto stated = [&](const char* name) {
+    const auto bytes = find_field(data, name);
+    return bytes ? text(*bytes) : std::string();
+  };
+  const std::string md5sum = stated("md5sum");
+  const auto known = std::find_if(topics_.begin(), topics_.end(), [&](const BagTopic& t) {
+    return t.name == topic && t.type == type && t.md5sum == md5sum;
+  });
   if (known != topics_.end()) {
     known->connections.insert(id);
   } else {
-    topics_.push_back({topic, type, {id}, -1});
+    topics_.push_back({topic, type, md5sum, stated("message_definition"), {id}, -1});
   }
 }
 

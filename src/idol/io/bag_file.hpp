@@ -15,7 +15,8 @@ namespace idol {
 
 struct BagTopic {
   std::string name;
-  std::string type;  ///< package/Message
+  std::string type;                ///< package/Message
+  std::string md5sum, definition;  ///< of the type, as the bag's recorder knew it
   std::set<std::uint32_t> connections;
   std::int64_t messages = -1;  ///< -1: not known, the bag has no index
 };

@@ -1,14 +1,23 @@
 #include "idol/io/bag_messages.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
+
+#include "idol/base/diagnostics.hpp"
 
 namespace idol {
 namespace {
 
 constexpr std::array<std::string_view, 3> kEventTypes = {
     "dvs_msgs/EventArray", "prophesee_event_msgs/EventArray", "event_camera_msgs/EventPacket"};
+// Words of evt3 that are of time.
+constexpr int kEvt3Low = 0x6, kEvt3High = 0x8;
+constexpr std::int64_t kEvt3HighStep = 1 << 12;  // [us]
+
 constexpr std::string_view kOdometryType = "nav_msgs/Odometry",
                            kTransformType = "geometry_msgs/TransformStamped",
                            kPoseType = "geometry_msgs/PoseStamped";
@@ -52,6 +61,7 @@ void EventMessageDecoder::decode(Bytes message, std::vector<Event>& events) {
   height_ = cursor.get<std::uint32_t>();
   width_ = cursor.get<std::uint32_t>();
   if (packed_) {
+    if (!clock_.known()) add_to_clock(message, clock_);
     decode_packet(cursor, stamp, events);
   } else {
     decode_array(cursor, events);
@@ -77,18 +87,52 @@ void EventMessageDecoder::decode_array(ByteCursor cursor, std::vector<Event>& ev
   }
 }
 
+namespace {
+
+/// What an event_camera_msgs/EventPacket holds behind its size.
+struct EventPacket {
+  std::string_view encoding;
+  Bytes bytes;
+
+  explicit EventPacket(ByteCursor& cursor) {
+    cursor.get<std::uint64_t>();  // seq
+    cursor.get<std::uint64_t>();  // time_base: of the sensor's clock
+    encoding = cursor.text();
+    if (cursor.get<std::uint8_t>() != 0)
+      throw UnknownFormat(
+          "the events are big-endian, which is not read; record them on a little-endian machine");
+    bytes = cursor.take(cursor.get<std::uint32_t>());
+  }
+};
+
+constexpr std::string_view kMono = "mono", kEvt3 = "evt3";
+
+}  // namespace
+
 void EventMessageDecoder::decode_packet(ByteCursor cursor, Time header_stamp, std::vector<Event>& events) {
-  cursor.get<std::uint64_t>();  // seq
-  cursor.get<std::uint64_t>();  // time_base: of the sensor's clock
-  const std::string_view encoding = cursor.text();
-  if (cursor.get<std::uint8_t>() != 0) throw BadBytes{"its events are big-endian, which is not supported"};
-  const Bytes bytes = cursor.take(cursor.get<std::uint32_t>());
-  if (encoding == "mono") {
-    decode_mono(bytes, header_stamp, events);
-  } else if (encoding == "evt3") {
-    decode_evt3(bytes, header_stamp, events);
+  const EventPacket packet(cursor);
+  if (packet.encoding == kMono) {
+    decode_mono(packet.bytes, header_stamp, events);
+  } else if (packet.encoding == kEvt3) {
+    decode_evt3(packet.bytes, header_stamp, events);
   } else {
-    throw BadBytes{"its events are encoded neither as 'mono' nor as 'evt3'"};
+    throw UnknownFormat(fmt::format(
+        "the events are in {} encoding, which is not read; record or convert them with mono or evt3",
+        printable(packet.encoding)));
+  }
+}
+
+void EventMessageDecoder::add_to_clock(Bytes message, SensorClock& clock) {
+  ByteCursor cursor(message);
+  const Time stamp = get_header(cursor);
+  cursor.get<std::uint64_t>();  // height and width
+  const EventPacket packet(cursor);
+  if (packet.encoding != kEvt3) return;
+  std::optional<std::int64_t> high;
+  for (std::size_t i = 0; i + 1 < packet.bytes.size(); i += 2) {
+    const auto word = load<std::uint16_t>(packet.bytes, i);
+    if (word >> 12 == kEvt3High) high = (word & 0xfff) * kEvt3HighStep;
+    if (word >> 12 == kEvt3Low && high) return clock.add(stamp, *high + (word & 0xfff));
   }
 }
 
@@ -104,14 +148,12 @@ void EventMessageDecoder::decode_mono(Bytes bytes, Time stamp, std::vector<Event
 }
 
 /// Prophesee EVT 3.0: words of 16 bits, the upper four of which say what the others are. Its clock counts
-/// microseconds in 24 bits; the first message's header stamp ties it to ROS time.
+/// microseconds in 24 bits.
 void EventMessageDecoder::decode_evt3(Bytes bytes, Time stamp, std::vector<Event>& events) {
   if (bytes.size() % 2 != 0) throw BadBytes{"its events are no multiple of 2 bytes"};
-  constexpr std::int64_t kHighStep = 1 << 12, kWrap = 1 << 24;
+  bool first_high = true;
   const auto add = [&](std::uint16_t x) {
-    if (time_us_ < 0) return;  // before the first stamp
-    if (!sensor_to_ros_) sensor_to_ros_ = stamp - time_us_ * 1000;
-    events.push_back({*sensor_to_ros_ + time_us_ * 1000, x, y_, polarity_});
+    if (time_) events.push_back({*time_, x, y_, polarity_});  // none before the first stamp
   };
   const auto add_vector = [&](unsigned valid, std::uint16_t length) {
     for (std::uint16_t i = 0; i < length; ++i)
@@ -138,37 +180,65 @@ void EventMessageDecoder::decode_evt3(Bytes bytes, Time stamp, std::vector<Event
       case 0x5:
         add_vector(word & 0xff, 8);
         break;
-      case 0x6:
-        if (time_high_us_ >= 0) time_us_ = time_high_us_ + (word & 0xfff);
+      case kEvt3Low:
+        if (high_us_) time_ = high_ + (word & 0xfff) * 1000;
         break;
-      case 0x8: {
-        std::int64_t high = (word & 0xfff) * kHighStep;
-        if (time_high_us_ >= 0) {
-          high += time_high_us_ / kWrap * kWrap;
-          if (high < time_high_us_ - kWrap / 2) high += kWrap;  // the 24 bits have overflown
-        }
-        time_high_us_ = high;
+      case kEvt3High:
+        set_time_high((word & 0xfff) * kEvt3HighStep, stamp, std::exchange(first_high, false));
         break;
-      }
       default:  // triggers and others
         break;
     }
   }
 }
 
-ImuSample decode_imu(Bytes message) {
-  constexpr std::size_t kCovariance = 9 * sizeof(double);
+/// Within a message time goes on from what it was, be it over the end of the 24 bits; between messages any
+/// number may be lost, and the stamp tells how often the clock has wrapped.
+void EventMessageDecoder::set_time_high(std::int64_t high_us, Time stamp, bool first_of_message) {
+  constexpr Time kAnySilence = 86'400'000'000'000;  // beyond a day it is the stamp that is wrong
+  const Time by_stamp = clock_.ros_time(high_us, stamp);
+  if (!high_us_) {
+    high_ = by_stamp;
+  } else {
+    constexpr std::int64_t kWrapUs = SensorClock::kWrap / 1000;
+    std::int64_t step = high_us - *high_us_;
+    if (step < -kWrapUs / 2) step += kWrapUs;
+    high_ += step * 1000;
+    if (first_of_message && by_stamp - high_ < kAnySilence && high_ - by_stamp < kAnySilence)
+      high_ = by_stamp;
+  }
+  high_us_ = high_us;
+}
+
+ImuSample decode_imu(Bytes message, ImuPart part, bool* doubtful) {
+  // Of a covariance, the first entry is -1 where the message has no such readings.
+  const auto not_provided = [](ByteCursor& cursor) {
+    const auto first = cursor.get<double>();
+    cursor.take(8 * sizeof(double));
+    return first == -1;
+  };
   ByteCursor cursor(message);
   ImuSample sample;
   sample.t = get_header(cursor);
-  cursor.take(4 * sizeof(double) + kCovariance);  // orientation
+  cursor.take((4 + 9) * sizeof(double));  // orientation and its covariance
   sample.gyro = get_vec3(cursor);
-  cursor.take(kCovariance);
+  const bool no_gyro = not_provided(cursor) && part != ImuPart::kAccel;
   sample.accel = get_vec3(cursor);
+  const bool no_accel = not_provided(cursor) && part != ImuPart::kGyro;
+  const bool gyro_missing = no_gyro && sample.gyro.isZero(0),
+             accel_missing = no_accel && sample.accel.isZero(0);
+  if (gyro_missing || accel_missing)
+    throw UnknownFormat(
+        fmt::format("the IMU's messages have no {} (their covariance begins with -1); choose another "
+                    "topic with --imu-topic, or two as ACCEL,GYRO",
+                    gyro_missing && accel_missing ? "readings"
+                    : gyro_missing                ? "rates"
+                                                  : "accelerations"));
+  if (doubtful != nullptr) *doubtful = no_gyro || no_accel;
   return sample;
 }
 
-StampedPose decode_pose(Bytes message, std::string_view type) {
+StampedPose decode_pose(Bytes message, std::string_view type, bool* lost) {
   ByteCursor cursor(message);
   StampedPose pose;
   pose.t = get_header(cursor);
@@ -176,6 +246,8 @@ StampedPose decode_pose(Bytes message, std::string_view type) {
   pose.T.p = get_vec3(cursor);
   const Vec3 v = get_vec3(cursor);
   const Quat q(cursor.get<double>(), v.x(), v.y(), v.z());
+  if (lost != nullptr) *lost = !pose.T.p.allFinite() || !q.coeffs().allFinite() || q.coeffs().isZero(0);
+  if (lost != nullptr && *lost) return pose;
   constexpr double kTolerance = 0.05;
   if (!pose.T.p.allFinite() || !(std::abs(q.norm() - 1.0) <= kTolerance))
     throw BadBytes{"its pose is not finite, or its quaternion is not of length 1"};
@@ -196,7 +268,9 @@ void decode_image(Bytes message, Frame& frame) {
     channels = 1;
   if (encoding.starts_with("rgb") || encoding.starts_with("bgr") || encoding.ends_with("C3")) channels = 3;
   if (encoding.starts_with("rgba") || encoding.starts_with("bgra") || encoding.ends_with("C4")) channels = 4;
-  if (channels == 0) throw BadBytes{"its picture is encoded in a way that is not known here"};
+  if (channels == 0)
+    throw UnknownFormat(
+        fmt::format("the pictures are in {} encoding, which is not read", printable(encoding)));
   const bool wide = encoding.find("16") != std::string_view::npos;
   fill_grey(frame, bytes, width, height, stride, channels, wide ? 2 : 1);
 }

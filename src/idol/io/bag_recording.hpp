@@ -23,7 +23,9 @@ class BagRecording : public Recording {
   std::unique_ptr<RowSource<Event>> events(Diagnostics& diagnostics) override;
   std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) override;
   std::optional<Trajectory> groundtruth() override;
+  [[nodiscard]] std::int64_t lost_poses() const override { return lost_poses_; }
   std::unique_ptr<FrameSource> frames() override;
+  [[nodiscard]] std::vector<std::filesystem::path> files() const override { return {bag_->file().name()}; }
   std::vector<StreamInfo> streams() override;
   Resolution resolution() override;
 
@@ -35,6 +37,7 @@ class BagRecording : public Recording {
 
   std::shared_ptr<const BagFile> bag_;
   StreamChoice choice_;
+  std::int64_t lost_poses_ = 0;
 };
 
 }  // namespace idol

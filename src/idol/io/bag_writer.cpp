@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/io/ros_types.hpp"
 #include "idol/io/trajectory_io.hpp"
 
 namespace idol {
@@ -19,34 +20,12 @@ constexpr std::size_t kBagHeaderBytes = 4096;
 constexpr std::string_view kMagic = "#ROSBAG V2.0\n";
 constexpr std::uint32_t kEvents = 0, kImu = 1, kPose = 2;
 
-#define IDOL_ROS_HEADER "uint32 seq\ntime stamp\nstring frame_id\n"
-#define IDOL_ROS_RULE "================================================================================\n"
-
-/// A topic with its message type as ROS 1 knows it.
 struct Topic {
-  const char *name, *type, *md5sum, *definition;
+  const char *name, *type;
 };
-constexpr Topic kTopics[] = {
-    {"/dvs/events", "dvs_msgs/EventArray", "5e8beee5a6c107e504c2e78903c224b8",
-     "Header header\nuint32 height\nuint32 width\nEvent[] events\n" IDOL_ROS_RULE
-     "MSG: std_msgs/Header\n" IDOL_ROS_HEADER IDOL_ROS_RULE
-     "MSG: dvs_msgs/Event\nuint16 x\nuint16 y\ntime ts\nbool polarity\n"},
-    {"/dvs/imu", "sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2",
-     "Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-     "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
-     "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n" IDOL_ROS_RULE
-     "MSG: std_msgs/Header\n" IDOL_ROS_HEADER IDOL_ROS_RULE
-     "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n" IDOL_ROS_RULE
-     "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"},
-    {"/optitrack/davis", "geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5",
-     "Header header\nPose pose\n" IDOL_ROS_RULE "MSG: std_msgs/Header\n" IDOL_ROS_HEADER IDOL_ROS_RULE
-     "MSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n" IDOL_ROS_RULE
-     "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" IDOL_ROS_RULE
-     "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"},
-};
-
-#undef IDOL_ROS_HEADER
-#undef IDOL_ROS_RULE
+constexpr Topic kTopics[] = {{"/dvs/events", "dvs_msgs/EventArray"},
+                             {"/dvs/imu", "sensor_msgs/Imu"},
+                             {"/optitrack/davis", "geometry_msgs/PoseStamped"}};
 
 void put_bytes(Buffer& out, const void* data, std::size_t size) {
   if (size == 0) return;  // an empty vector's data may be null
@@ -89,8 +68,7 @@ class Fields {
     put(bytes, value);
     return add_bytes(name, bytes);
   }
-  Fields& add(std::string_view name, const char* text) {
-    const std::string_view value(text);
+  Fields& add(std::string_view name, std::string_view value) {
     return add_bytes(name, {value.begin(), value.end()});
   }
   Fields& add_time(std::string_view name, Time t) {
@@ -119,14 +97,15 @@ void put_record(Buffer& out, const Fields& fields, const Buffer& data) {
 }
 
 void put_connection(Buffer& out, std::uint32_t connection) {
-  const Topic& topic = kTopics[connection];
+  const std::string_view name = kTopics[connection].name;
+  const RosType& type = *find_ros_type(kTopics[connection].type);
   Fields data;
-  data.add("topic", topic.name).add("type", topic.type).add("md5sum", topic.md5sum);
-  data.add("message_definition", topic.definition);
-  put_record(out, Fields(7).add("conn", connection).add("topic", topic.name), data.bytes());
+  data.add("topic", name).add("type", type.name).add("md5sum", type.md5sum);
+  data.add("message_definition", type.definition);
+  put_record(out, Fields(7).add("conn", connection).add("topic", name), data.bytes());
 }
 
-const char* codec_name(BlockCodec codec) {
+std::string_view codec_name(BlockCodec codec) {
   switch (codec) {
     case BlockCodec::kNone:
       return "none";

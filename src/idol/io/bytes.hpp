@@ -8,6 +8,7 @@
 #include <span>
 #include <string_view>
 
+#include "idol/base/diagnostics.hpp"
 #include "idol/base/types.hpp"
 
 namespace idol {
@@ -20,6 +21,12 @@ using Bytes = std::span<const std::uint8_t>;
 /// where they come from.
 struct BadBytes {
   const char* why;
+};
+
+/// What is whole, but of a kind that is not read: the message says of which kind, and what to do. The reader
+/// adds where it is.
+class UnknownFormat : public DataError {
+  using DataError::DataError;
 };
 
 template <class T>

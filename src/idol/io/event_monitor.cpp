@@ -112,17 +112,21 @@ std::string describe_fit(const EventMonitor& monitor, const Camera& camera) {
                      monitor.largest_y() + 1, camera.width, camera.height);
 }
 
+std::string describe_other_sensor(const std::string& recording, const EventMonitor& monitor,
+                                  const Camera& camera) {
+  return fmt::format(
+      "{}: {}, nor does the principal point ({:.1f}, {:.1f}) fit; give the rig, or the resolution, of this "
+      "sensor",
+      recording, describe_fit(monitor, camera), camera.cx, camera.cy);
+}
+
 void check_sensor_fit(const std::string& recording, const EventMonitor& monitor, const Camera& camera,
                       Diagnostics& diagnostics) {
   const SensorFit fit = sensor_fit(monitor, camera);
   if (fit == SensorFit::kGood) return;
-  const std::string facts = fmt::format("{}: {}", recording, describe_fit(monitor, camera));
-  if (fit == SensorFit::kOther)
-    throw DataError(
-        fmt::format("{}, nor does the principal point ({:.1f}, {:.1f}) fit; give the rig, or the "
-                    "resolution, of this sensor",
-                    facts, camera.cx, camera.cy));
-  diagnostics.warn("part_of_sensor", facts + ": another sensor, or a cut-out");
+  if (fit == SensorFit::kOther) throw DataError(describe_other_sensor(recording, monitor, camera));
+  diagnostics.warn("part_of_sensor", fmt::format("{}: {}: another sensor, or a cut-out", recording,
+                                                 describe_fit(monitor, camera)));
 }
 
 }  // namespace idol

@@ -98,6 +98,9 @@ enum class SensorFit {
 SensorFit sensor_fit(const EventMonitor& monitor, const Camera& camera);
 /// The two facts side by side, for messages about kPartly and kOther.
 std::string describe_fit(const EventMonitor& monitor, const Camera& camera);
+/// Of kOther: why, and what to do.
+std::string describe_other_sensor(const std::string& recording, const EventMonitor& monitor,
+                                  const Camera& camera);
 /// Throws DataError for kOther; counts kPartly ("part_of_sensor").
 void check_sensor_fit(const std::string& recording, const EventMonitor& monitor, const Camera& camera,
                       Diagnostics& diagnostics);

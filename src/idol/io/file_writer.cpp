@@ -1,16 +1,11 @@
 #include "idol/io/file_writer.hpp"
 
-#include <fmt/format.h>
-
 #include <cerrno>
-#include <cstring>
-
-#include "idol/base/diagnostics.hpp"
 
 namespace idol {
 
 FileWriter::FileWriter(const std::filesystem::path& path)
-    : name_(path.string()), file_(std::fopen(path.c_str(), "wb")) {
+    : name_(path.string()), pending_(path), file_(std::fopen(pending_.path().c_str(), "wb")) {
   if (!file_) refuse();
 }
 
@@ -27,13 +22,9 @@ void FileWriter::seek(std::uint64_t place) {
 void FileWriter::close() {
   if (std::fflush(file_.get()) != 0) refuse();
   if (std::fclose(file_.release()) != 0) refuse();
+  pending_.commit();
 }
 
-void FileWriter::refuse() const {
-  const int reason = errno;
-  throw DataError(fmt::format("{}: cannot be written: {}; {}", name_, std::strerror(reason),
-                              reason == ENOSPC || reason == EDQUOT ? "free some space, or write elsewhere"
-                                                                   : "give a path that can be written"));
-}
+void FileWriter::refuse() const { refuse_to_write(name_, errno); }
 
 }  // namespace idol

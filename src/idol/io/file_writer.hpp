@@ -8,9 +8,12 @@
 #include <memory>
 #include <string>
 
+#include "idol/io/pending_file.hpp"
+
 namespace idol {
 
-/// A file being written. Call close() at the end: only then is it known that everything arrived.
+/// A file being written. Call close() at the end: only then is it known that everything arrived, and only
+/// then does the file stand under its name.
 class FileWriter {
  public:
   /// Throws DataError if the file cannot be created, as do all others if the disk refuses.
@@ -28,6 +31,7 @@ class FileWriter {
   [[noreturn]] void refuse() const;
 
   std::string name_;
+  PendingFile pending_;
   std::unique_ptr<std::FILE, Close> file_;
   std::uint64_t place_ = 0;
 };

@@ -1,5 +1,7 @@
 #include "idol/io/hdf5_dataset.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "idol/io/hdf5_tables.hpp"
@@ -27,16 +29,22 @@ void read_dataspace(const Hdf5Message& message, Hdf5Dataset& set, std::size_t& r
     if (set.size[i] == 0 || set.size[i] > kWidest) throw BadBytes{"its rows have another width"};
 }
 
-void read_datatype(Bytes data, Hdf5Dataset& set) {
-  constexpr int kInteger = 0, kFloat = 1, kEnum = 8;
-  constexpr std::size_t kHead = 8;
+[[noreturn]] void refuse_type(const char* what) {
+  throw UnknownFormat(fmt::format("it holds {}, which is not read; convert it to columns of numbers", what));
+}
+
+enum TypeClass : int { kInteger = 0, kFloat = 1, kRecord = 6, kEnum = 8 };
+constexpr std::size_t kTypeHead = 8;
+
+void read_number_type(Bytes data, Hdf5Dataset& set) {
   int kind = load<std::uint8_t>(data, 0) & 0x0f;
   if (kind == kEnum) {  // h5py's booleans
-    data = data.subspan(std::min(kHead, data.size()));
+    data = data.subspan(std::min(kTypeHead, data.size()));
     kind = load<std::uint8_t>(data, 0) & 0x0f;
-    if (kind != kInteger) throw BadBytes{"it does not hold numbers"};
+    if (kind != kInteger) refuse_type("no numbers");
   }
-  if (kind != kInteger && kind != kFloat) throw BadBytes{"it does not hold numbers"};
+  if (kind == kRecord) refuse_type("records");
+  if (kind != kInteger && kind != kFloat) refuse_type("no numbers");
   const auto flags = load<std::uint8_t>(data, 1);
   set.bytes = load<std::uint32_t>(data, 4);
   set.is_float = kind == kFloat;
@@ -44,14 +52,51 @@ void read_datatype(Bytes data, Hdf5Dataset& set) {
   set.is_signed = (flags & 0x08) != 0;
   const bool usual = set.is_float ? set.bytes == 4 || set.bytes == 8
                                   : set.bytes == 1 || set.bytes == 2 || set.bytes == 4 || set.bytes == 8;
-  if (!usual || load<std::uint16_t>(data, kHead) != 0 ||
-      load<std::uint16_t>(data, kHead + 2) != 8 * set.bytes)
-    throw BadBytes{"its numbers are of a kind that is not known here"};
+  if (!usual || load<std::uint16_t>(data, kTypeHead) != 0 ||
+      load<std::uint16_t>(data, kTypeHead + 2) != 8 * set.bytes)
+    refuse_type("numbers of an unusual kind");
   if (!set.is_float) return;
   const std::uint8_t mantissa = set.bytes == 4 ? 23 : 52;
-  if ((flags & 0x40) != 0 || load<std::uint8_t>(data, kHead + 4) != mantissa ||
-      load<std::uint8_t>(data, kHead + 7) != mantissa)
-    throw BadBytes{"its numbers are of a kind that is not known here"};
+  if ((flags & 0x40) != 0 || load<std::uint8_t>(data, kTypeHead + 4) != mantissa ||
+      load<std::uint8_t>(data, kTypeHead + 7) != mantissa)
+    refuse_type("numbers of an unusual kind");
+}
+
+/// The number called `member` of a record, which is stored in one piece.
+void read_member_type(Bytes data, const std::string& member, Hdf5Dataset& set) {
+  const auto head = load<std::uint8_t>(data, 0);
+  if ((head & 0x0f) != kRecord) refuse_type("no records where some are expected");
+  const int version = head >> 4;
+  const auto members = load<std::uint16_t>(data, 1);
+  constexpr std::uint32_t kMostRecordBytes = 4096;
+  const auto record = load<std::uint32_t>(data, 4);
+  if (record == 0 || record > kMostRecordBytes) refuse_type("records of an unusual size");
+  ByteCursor cursor(data.subspan(kTypeHead));
+  for (std::size_t i = 0; i < members; ++i) {
+    std::string name;
+    for (char c = cursor.get<char>(); c != 0; c = cursor.get<char>()) name += c;
+    if (version < 3) static_cast<void>(cursor.take((8 - (name.size() + 1) % 8) % 8));
+    std::uint64_t at = 0;
+    if (version < 3) {
+      at = cursor.get<std::uint32_t>();
+      if (version == 1) static_cast<void>(cursor.take(28));  // dimensions, of no use for numbers
+    } else {
+      for (std::size_t byte = 0; byte == 0 || record >> (8 * byte) != 0; ++byte)
+        at |= std::uint64_t{cursor.get<std::uint8_t>()} << (8 * byte);
+    }
+    const Bytes type = data.subspan(kTypeHead + cursor.offset());
+    const int kind = load<std::uint8_t>(type, 0) & 0x0f;
+    if (kind != kInteger && kind != kFloat) refuse_type("records of more than numbers");
+    static_cast<void>(cursor.take(kTypeHead + (kind == kInteger ? 4 : 12)));
+    if (name != member) continue;
+    read_number_type(type, set);
+    if (set.big_endian) refuse_type("records of big-endian numbers");
+    if (at + set.bytes > record) throw BadBytes{"a number leads outside its record"};
+    set.record_bytes = record;
+    set.record_at = static_cast<std::size_t>(at);
+    return;
+  }
+  throw UnknownFormat(fmt::format("its records have no '{}'", member));
 }
 
 void read_fill_value(const Hdf5Message& message, Hdf5Dataset& set) {
@@ -126,7 +171,7 @@ void read_layout(Hdf5Tables& tables, const Hdf5Message& message, std::uint64_t f
   constexpr std::uint8_t kCompact = 0, kContiguous = 1, kChunked = 2;
   const auto storage = cursor.get<std::uint8_t>();
   // Version 4 differs for chunks alone.
-  if (version != 3 && (version != 4 || storage == kChunked)) throw BadBytes{kHdf5Unknown};
+  if (version != 3 && (version != 4 || storage == kChunked)) throw UnknownFormat(kHdf5Unknown);
   if (storage == kCompact) {
     set.storage = Hdf5Dataset::Storage::kCompact;
     const Bytes data = cursor.take(cursor.get<std::uint16_t>());
@@ -141,7 +186,7 @@ void read_layout(Hdf5Tables& tables, const Hdf5Message& message, std::uint64_t f
     set.storage = Hdf5Dataset::Storage::kChunked;
     if (rank == 0 || cursor.get<std::uint8_t>() != rank + 1) throw BadBytes{"its chunks have another shape"};
     const auto tree = cursor.get<std::uint64_t>();
-    std::uint64_t bytes = set.bytes;
+    std::uint64_t bytes = set.element_bytes();
     for (std::size_t i = 0; i < rank; ++i) {
       set.chunk[i] = cursor.get<std::uint32_t>();
       if (set.chunk[i] == 0 || set.chunk[i] > kLargestChunk / bytes)
@@ -152,13 +197,13 @@ void read_layout(Hdf5Tables& tables, const Hdf5Message& message, std::uint64_t f
     if (tree != kHdf5Undefined) read_chunks(tables, tree, file_size, rank, set);
     expect_mostly_written(set, file_size);
   } else {
-    throw BadBytes{kHdf5Unknown};
+    throw UnknownFormat(kHdf5Unknown);
   }
 }
 
 }  // namespace
 
-Hdf5Dataset read_hdf5_dataset(const RandomFile& file, std::uint64_t address) {
+Hdf5Dataset read_hdf5_dataset(const RandomFile& file, std::uint64_t address, const std::string& member) {
   Hdf5Tables tables(file);
   const auto messages = read_hdf5_header(tables, address);
   const Hdf5Message *space = find_message(messages, Hdf5Message::kDataspace),
@@ -168,7 +213,7 @@ Hdf5Dataset read_hdf5_dataset(const RandomFile& file, std::uint64_t address) {
   Hdf5Dataset set;
   std::size_t rank = 0;
   read_dataspace(*space, set, rank);
-  read_datatype(type->data, set);
+  member.empty() ? read_number_type(type->data, set) : read_member_type(type->data, member, set);
   if (const Hdf5Message* fill = find_message(messages, Hdf5Message::kFillValue)) read_fill_value(*fill, set);
   if (const Hdf5Message* filters = find_message(messages, Hdf5Message::kFilterPipeline))
     set.filters = read_filters(*filters);

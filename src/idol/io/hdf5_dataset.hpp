@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "idol/io/hdf5_filters.hpp"
@@ -22,6 +23,8 @@ struct Hdf5Dataset {
   enum class Storage { kCompact, kContiguous, kChunked };
 
   std::size_t bytes = 0;  ///< of a number: 1, 2, 4 or 8
+  std::size_t record_bytes = 0,
+              record_at = 0;  ///< where it is one of several in a record: its size, and its place
   bool is_float = false, is_signed = false, big_endian = false;
   std::array<std::uint64_t, 3> size{1, 1, 1};  ///< rows, and what a row is made of
   Storage storage = Storage::kCompact;
@@ -33,14 +36,16 @@ struct Hdf5Dataset {
   std::vector<std::uint8_t> fill;   ///< a number never written; empty: 0
 
   [[nodiscard]] std::uint64_t width() const { return size[1] * size[2]; }
-  [[nodiscard]] std::size_t row_bytes() const { return static_cast<std::size_t>(width()) * bytes; }
+  [[nodiscard]] std::size_t element_bytes() const { return record_bytes > 0 ? record_bytes : bytes; }
+  [[nodiscard]] std::size_t row_bytes() const { return static_cast<std::size_t>(width()) * element_bytes(); }
   [[nodiscard]] std::size_t chunk_bytes() const {
-    return static_cast<std::size_t>(chunk[0] * chunk[1] * chunk[2]) * bytes;
+    return static_cast<std::size_t>(chunk[0] * chunk[1] * chunk[2]) * element_bytes();
   }
 };
 
 /// Throws BadBytes on damage, and if this is no data set of up to three dimensions, with up to 16 numbers in
-/// the second and third, or none of whole or floating-point numbers.
-Hdf5Dataset read_hdf5_dataset(const RandomFile& file, std::uint64_t address);
+/// the second and third. Throws UnknownFormat if it is none of whole or floating-point numbers. Of a data set
+/// of records, `member` is the number to read.
+Hdf5Dataset read_hdf5_dataset(const RandomFile& file, std::uint64_t address, const std::string& member);
 
 }  // namespace idol

@@ -62,6 +62,15 @@ void convert(const Hdf5Dataset& set, Bytes raw, To* out) {
   }
 }
 
+/// One number of each record, side by side.
+std::vector<std::uint8_t> members(const Hdf5Dataset& set, Bytes records) {
+  std::vector<std::uint8_t> out;
+  for (std::size_t at = set.record_at; at + set.bytes <= records.size(); at += set.record_bytes)
+    out.insert(out.end(), records.begin() + static_cast<std::ptrdiff_t>(at),
+               records.begin() + static_cast<std::ptrdiff_t>(at + set.bytes));
+  return out;
+}
+
 void swap_bytes(std::size_t width, std::vector<std::uint8_t>& data) {
   for (auto at = data.begin(); at + static_cast<std::ptrdiff_t>(width) <= data.end();
        at += static_cast<std::ptrdiff_t>(width))
@@ -155,6 +164,7 @@ class Hdf5Column::Data {
 
 std::uint64_t Hdf5Column::rows() const { return data_->set().size[0]; }
 std::uint64_t Hdf5Column::width() const { return data_->set().width(); }
+bool Hdf5Column::is_float() const { return data_->set().is_float; }
 
 template <class T>
 void Hdf5Column::read(std::uint64_t begin, std::size_t count, std::vector<T>& out) const {
@@ -163,12 +173,18 @@ void Hdf5Column::read(std::uint64_t begin, std::size_t count, std::vector<T>& ou
   const auto row_width = static_cast<std::size_t>(width());
   out.resize(count * row_width);
   for (std::size_t done = 0; done < count;) try {
+      const Hdf5Dataset& set = data_->set();
       const Bytes raw = data_->rows(begin + done, count - done);
-      convert(data_->set(), raw, out.data() + done * row_width);
-      done += raw.size() / data_->set().row_bytes();
+      if (set.record_bytes > 0)
+        convert(set, members(set, raw), out.data() + done * row_width);
+      else
+        convert(set, raw, out.data() + done * row_width);
+      done += raw.size() / set.row_bytes();
     } catch (const BadBytes& bad) {
       throw DataError(
           fmt::format("{}, row {}: cannot be read: the file is damaged: {}", name_, begin + done, bad.why));
+    } catch (const UnknownFormat& unknown) {
+      throw DataError(fmt::format("{}: {}", name_, unknown.what()));
     }
 }
 
@@ -184,6 +200,8 @@ Hdf5File::Hdf5File(const std::filesystem::path& path) : file_(std::make_shared<R
     throw DataError(
         fmt::format("{}: cannot be opened as an HDF5 file: it is damaged, cut off, or was never closed: {}",
                     name(), bad.why));
+  } catch (const UnknownFormat& unknown) {
+    throw DataError(fmt::format("{}: {}", name(), unknown.what()));
   }
 }
 
@@ -195,18 +213,22 @@ bool Hdf5File::has(const std::string& path) const {
   } catch (const BadBytes& bad) {
     throw DataError(
         fmt::format("{}: /{}: cannot be looked up: the file is damaged: {}", name(), path, bad.why));
+  } catch (const UnknownFormat& unknown) {
+    throw DataError(fmt::format("{}: /{}: {}", name(), path, unknown.what()));
   }
 }
 
-Hdf5Column Hdf5File::column(const std::string& path) const {
+Hdf5Column Hdf5File::column(const std::string& path, const std::string& member) const {
   Hdf5Column column;
-  column.name_ = fmt::format("{}: /{}", name(), path);
+  column.name_ = fmt::format("{}: /{}{}{}", name(), path, member.empty() ? "" : ", ", member);
   try {
     const auto address = find_hdf5_object(*file_, root_, path);
     if (!address) throw DataError(fmt::format("{}: there is no such data set", column.name_));
-    column.data_ = std::make_shared<Hdf5Column::Data>(file_, read_hdf5_dataset(*file_, *address));
+    column.data_ = std::make_shared<Hdf5Column::Data>(file_, read_hdf5_dataset(*file_, *address, member));
   } catch (const BadBytes& bad) {
     throw DataError(fmt::format("{}: the data set cannot be read, or is damaged: {}", column.name_, bad.why));
+  } catch (const UnknownFormat& unknown) {
+    throw DataError(fmt::format("{}: {}", column.name_, unknown.what()));
   }
   return column;
 }

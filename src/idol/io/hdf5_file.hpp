@@ -17,6 +17,7 @@ class Hdf5Column {
  public:
   [[nodiscard]] std::uint64_t rows() const;
   [[nodiscard]] std::uint64_t width() const;
+  [[nodiscard]] bool is_float() const;
   [[nodiscard]] const std::string& name() const { return name_; }
   /// Replaces `out` by `count` rows from `begin` on, converted; numbers beyond T's range become its ends. T
   /// is std::int64_t, std::uint16_t, std::int8_t or double. Throws DataError on damage.
@@ -40,7 +41,8 @@ class Hdf5File {
   /// Whether there is a group or data set at `path`, "group/name". Throws DataError on damage.
   [[nodiscard]] bool has(const std::string& path) const;
   /// Throws DataError if there is no data set of numbers at `path`, or one that cannot be read.
-  [[nodiscard]] Hdf5Column column(const std::string& path) const;
+  /// Of a data set of records, `member` is the number to read.
+  [[nodiscard]] Hdf5Column column(const std::string& path, const std::string& member = {}) const;
 
  private:
   std::shared_ptr<const RandomFile> file_;

@@ -1,8 +1,10 @@
 #include "idol/io/hdf5_filters.hpp"
 
 #include <blosc.h>
+#include <fmt/format.h>
 #include <lzf.h>
 #include <zlib.h>
+#include <zstd.h>
 
 #include <algorithm>
 
@@ -11,7 +13,40 @@
 namespace idol {
 namespace {
 
-enum FilterId : std::uint16_t { kDeflate = 1, kShuffle = 2, kFletcher32 = 3, kLzf = 32000, kBlosc = 32001 };
+enum FilterId : std::uint16_t {
+  kDeflate = 1,
+  kShuffle = 2,
+  kFletcher32 = 3,
+  kLzf = 32000,
+  kBlosc = 32001,
+  kZstd = 32015
+};
+
+/// Those that files are met with, and that are not read.
+const char* name_of(std::uint16_t id) {
+  switch (id) {
+    case 4:
+      return "szip";
+    case 5:
+      return "n-bit";
+    case 6:
+      return "scale-offset";
+    case 307:
+      return "bzip2";
+    case 32004:
+      return "LZ4";
+    case 32008:
+      return "bitshuffle";
+    case 32013:
+      return "ZFP";
+    case 32026:
+      return "Blosc 2";
+    case 36559:
+      return "Metavision ECF";
+    default:
+      return "of no name known here";
+  }
+}
 
 using Data = std::vector<std::uint8_t>;
 
@@ -89,6 +124,15 @@ void decode_blosc(std::size_t bytes, Data& data) {
   data.swap(decoded);
 }
 
+void decode_zstd(std::size_t bytes, Data& data) {
+  constexpr std::size_t kRatio = 1 << 15;  // of Zstandard's format, about
+  Data decoded = room_for(bytes, data, kRatio);
+  const std::size_t size = ZSTD_decompress(decoded.data(), decoded.size(), data.data(), data.size());
+  if (ZSTD_isError(size) != 0) throw BadBytes{kDamaged};
+  decoded.resize(size);
+  data.swap(decoded);
+}
+
 }  // namespace
 
 void decode_hdf5_chunk(const std::vector<Hdf5Filter>& filters, std::uint32_t skipped, std::size_t bytes,
@@ -116,8 +160,13 @@ void decode_hdf5_chunk(const std::vector<Hdf5Filter>& filters, std::uint32_t ski
       case kBlosc:
         decode_blosc(most, data);
         break;
+      case kZstd:
+        decode_zstd(most, data);
+        break;
       default:
-        throw BadBytes{"it is compressed in a way that is not known here"};
+        throw UnknownFormat(fmt::format(
+            "it is stored with filter {} ({}), which is not read; 'h5repack -f NONE' takes it off",
+            filters[i].id, name_of(filters[i].id)));
     }
   }
   if (data.size() < bytes) throw BadBytes{"a chunk is too short"};

@@ -12,7 +12,8 @@ struct Hdf5Filter {
 };
 
 /// Replaces `data`, a chunk as stored, by its `bytes` bytes. Bit i of `skipped`: filter i was not applied.
-/// Knows zlib, shuffle, Fletcher's checksum, LZF and Blosc. Throws BadBytes on damage and for other filters.
+/// Knows zlib, shuffle, Fletcher's checksum, LZF, Blosc and Zstandard. Throws BadBytes on damage,
+/// UnknownFormat for other filters.
 void decode_hdf5_chunk(const std::vector<Hdf5Filter>& filters, std::uint32_t skipped, std::size_t bytes,
                        std::vector<std::uint8_t>& data);
 

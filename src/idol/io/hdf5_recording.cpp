@@ -8,6 +8,7 @@
 
 #include "idol/io/bag_recording.hpp"
 #include "idol/io/choose_stream.hpp"
+#include "idol/io/hdf5_sources.hpp"
 #include "idol/io/number.hpp"
 #include "idol/io/text_recording.hpp"
 
@@ -16,147 +17,31 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kPieceRows = 1 << 16;
-
 const Hdf5Layout& layout_of(const Hdf5File& file) {
-  static const Hdf5Layout kOwn{"HDF5 (idol)", {"events"}, 1, false, "imu", "accel", "gyro", "t"};
-  static const Hdf5Layout kM3ed{
-      "HDF5 (M3ED)", {"prophesee/left", "prophesee/right"}, 1000, false, "ovc/imu", "accel", "omega", "ts"};
-  static const Hdf5Layout kDsec{"HDF5 (DSEC)", {"events"}, 1000, true};
+  using Kind = Hdf5Layout::Kind;
+  static const Hdf5Layout kOwn{"HDF5 (idol)", {"events"}, 1,  Kind::kColumns, false, "imu",
+                               "accel",       "gyro",     "t"};
+  static const Hdf5Layout kM3ed{"HDF5 (M3ED)", {"prophesee/left", "prophesee/right"},
+                                1000,          Kind::kColumns,
+                                false,         "ovc/imu",
+                                "accel",       "omega",
+                                "ts"};
+  static const Hdf5Layout kDsec{"HDF5 (DSEC)", {"events"}, 1000, Kind::kColumns, true};
   static const Hdf5Layout kTumVie{"HDF5 (TUM-VIE)", {"events"}, 1000};
+  static const Hdf5Layout kMvsec{"HDF5 (MVSEC)", {"davis/left", "davis/right"}, 0, Kind::kTable, false,
+                                 "davis/left"};
+  static const Hdf5Layout kMetavision{"HDF5 (Metavision)", {"CD"}, 1000, Kind::kRecords};
   if (file.has("idol_recording")) return kOwn;
   if (file.has("prophesee")) return kM3ed;
   if (file.has("t_offset")) return kDsec;
   if (file.has("events/t")) return kTumVie;
-  throw DataError(
-      fmt::format("{}: none of the layouts that are known: idol (idol convert), DSEC (/events, /t_offset), "
-                  "M3ED (/prophesee) "
-                  "and TUM-VIE (/events)",
-                  file.name()));
+  if (file.has("davis/left/events") || file.has("davis/right/events")) return kMvsec;
+  if (file.has("CD/events")) return kMetavision;
+  throw DataError(fmt::format(
+      "{}: none of the layouts that are known: idol (idol convert), DSEC (/events, /t_offset), M3ED "
+      "(/prophesee), TUM-VIE (/events), MVSEC (/davis) and Metavision (/CD/events)",
+      file.name()));
 }
-
-/// Units of a layout as nanoseconds; what is beyond the range of stamps stays so.
-Time scaled(std::int64_t t, std::int64_t ns) {
-  constexpr Time kBeyond = kLargestStamp + 1;
-  if (t > kLargestStamp / ns) return kBeyond;
-  if (t < -(kLargestStamp / ns)) return -kBeyond;
-  return t * ns;
-}
-
-/// Rows from several columns of equal length, piece by piece.
-template <class Row>
-class Hdf5Source : public RowSource<Row> {
- public:
-  std::span<const Row> read() override {
-    rows_.clear();
-    while (rows_.empty() && next_ < count_) {
-      begin_ = next_;
-      next_ += std::min<std::uint64_t>(kPieceRows, count_ - next_);
-      fill(begin_, static_cast<std::size_t>(next_ - begin_), rows_);
-    }
-    return rows_;
-  }
-  [[nodiscard]] const std::string& name() const override { return name_; }
-  [[nodiscard]] std::string where(std::size_t i) const override {
-    return fmt::format("{}, row {}", name_, begin_ + i);
-  }
-  [[nodiscard]] double progress() const override {
-    return count_ > 0 ? static_cast<double>(next_) / static_cast<double>(count_) : 1.0;
-  }
-
- protected:
-  explicit Hdf5Source(std::string name) : name_(std::move(name)) {}
-  /// To be called for each column. Throws DataError for rows of another width.
-  void check(const Hdf5Column& column, std::uint64_t width, Diagnostics& diagnostics) {
-    if (column.width() != width)
-      throw DataError(
-          fmt::format("{}: rows of {} numbers where {} are expected", column.name(), column.width(), width));
-    if (any_ && column.rows() != count_)
-      diagnostics.warn("unequal_columns", fmt::format("{}: {} rows, others have {}; what all have is read",
-                                                      column.name(), column.rows(), count_));
-    count_ = any_ ? std::min(count_, column.rows()) : column.rows();
-    any_ = true;
-  }
-  virtual void fill(std::uint64_t begin, std::size_t count, std::vector<Row>& rows) = 0;
-
- private:
-  std::string name_;
-  bool any_ = false;
-  std::uint64_t count_ = 0, begin_ = 0, next_ = 0;
-  std::vector<Row> rows_;
-};
-
-class EventSource : public Hdf5Source<Event> {
- public:
-  EventSource(const Hdf5File& file, const std::string& group, const Hdf5Layout& layout,
-              Diagnostics& diagnostics)
-      : Hdf5Source(fmt::format("{}: /{}", file.name(), group)),
-        t_(file.column(group + "/t")),
-        x_(file.column(group + "/x")),
-        y_(file.column(group + "/y")),
-        p_(file.column(group + "/p")),
-        ns_(layout.ns) {
-    for (const Hdf5Column* column : {&t_, &x_, &y_, &p_}) check(*column, 1, diagnostics);
-    if (!layout.clock_offset) return;
-    file.column("t_offset").read(0, 1, stamps_);
-    offset_ = scaled(stamps_[0], ns_);
-  }
-
- protected:
-  void fill(std::uint64_t begin, std::size_t count, std::vector<Event>& rows) override {
-    t_.read(begin, count, stamps_);
-    x_.read(begin, count, xs_);
-    y_.read(begin, count, ys_);
-    p_.read(begin, count, ps_);
-    rows.resize(count);
-    const std::int64_t ns = ns_;  // outside the loop: it cannot change there, and the division is slow
-    const Time offset = offset_;
-    const std::int64_t* t = stamps_.data();
-    const std::uint16_t *x = xs_.data(), *y = ys_.data();
-    const std::int8_t* p = ps_.data();
-    for (std::size_t i = 0; i < count; ++i) rows[i] = {scaled(t[i], ns) + offset, x[i], y[i], p[i] > 0};
-  }
-
- private:
-  Hdf5Column t_, x_, y_, p_;
-  std::int64_t ns_;
-  Time offset_ = 0;
-  std::vector<std::int64_t> stamps_;
-  std::vector<std::uint16_t> xs_, ys_;
-  std::vector<std::int8_t> ps_;
-};
-
-class ImuSource : public Hdf5Source<ImuSample> {
- public:
-  ImuSource(const Hdf5File& file, const Hdf5Layout& layout, Diagnostics& diagnostics)
-      : Hdf5Source(fmt::format("{}: /{}", file.name(), layout.imu_group)),
-        t_(file.column(layout.imu_group + "/" + layout.imu_t)),
-        accel_(file.column(layout.imu_group + "/" + layout.accel)),
-        gyro_(file.column(layout.imu_group + "/" + layout.gyro)),
-        ns_(layout.ns) {
-    check(t_, 1, diagnostics);
-    for (const Hdf5Column* column : {&accel_, &gyro_}) check(*column, 3, diagnostics);
-  }
-
- protected:
-  /// M3ED marks samples that were lost: all three readings are NaN there.
-  void fill(std::uint64_t begin, std::size_t count, std::vector<ImuSample>& rows) override {
-    t_.read(begin, count, stamps_);
-    accel_.read(begin, count, accels_);
-    gyro_.read(begin, count, gyros_);
-    for (std::size_t i = 0; i < count; ++i) {
-      const ImuSample sample{scaled(stamps_[i], ns_), Vec3(accels_.data() + 3 * i),
-                             Vec3(gyros_.data() + 3 * i)};
-      if (!(sample.accel.array().isNaN().all() && sample.gyro.array().isNaN().all())) rows.push_back(sample);
-    }
-  }
-
- private:
-  Hdf5Column t_, accel_, gyro_;
-  std::int64_t ns_;
-  std::vector<std::int64_t> stamps_;
-  std::vector<double> accels_, gyros_;
-};
 
 /// The file of this name in `folder`, in a folder inside it, or in up to three folders above.
 fs::path find_near(fs::path folder, const char* name) {
@@ -182,12 +67,12 @@ template <class Take>
 void read_poses(const Hdf5Column& t, std::int64_t ns, const std::vector<Hdf5Column>& columns, Take take) {
   std::vector<std::int64_t> stamps;
   std::vector<std::vector<double>> values(columns.size());
-  for (std::uint64_t begin = 0; begin < t.rows(); begin += kPieceRows) {
-    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kPieceRows, t.rows() - begin));
+  for (std::uint64_t begin = 0; begin < t.rows(); begin += kHdf5PieceRows) {
+    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kHdf5PieceRows, t.rows() - begin));
     t.read(begin, count, stamps);
     for (std::size_t c = 0; c < columns.size(); ++c) columns[c].read(begin, count, values[c]);
     for (std::size_t i = 0; i < count; ++i)
-      take(scaled(stamps[i], ns), i, values, fmt::format("{}, row {}", t.name(), begin + i));
+      take(hdf5_time(stamps[i], ns), i, values, fmt::format("{}, row {}", t.name(), begin + i));
   }
 }
 
@@ -234,16 +119,19 @@ Hdf5Recording::Hdf5Recording(const fs::path& path, StreamChoice choice)
       file_(std::make_shared<Hdf5File>(path)),
       layout_(layout_of(*file_)) {
   for (const std::string& group : layout_.event_groups)
-    if (file_->has(group + "/t")) groups_.push_back(group);
+    if (file_->has(group + (layout_.kind == Hdf5Layout::Kind::kColumns ? "/t" : "/events")))
+      groups_.push_back(group);
   if (!layout_.imu_group.empty()) return;
   imu_path_ = find_near(path_.parent_path(), layout_.clock_offset ? "lidar_imu.bag" : "imu_data.txt");
 }
 
 std::string Hdf5Recording::format() const { return layout_.name; }
 
-bool Hdf5Recording::imu_inside() const {
-  return !layout_.imu_group.empty() && file_->has(layout_.imu_group + "/" + layout_.imu_t);
+std::string Hdf5Recording::imu_stamps() const {
+  return layout_.imu_group + "/" + (layout_.kind == Hdf5Layout::Kind::kTable ? "imu_ts" : layout_.imu_t);
 }
+
+bool Hdf5Recording::imu_inside() const { return !layout_.imu_group.empty() && file_->has(imu_stamps()); }
 
 bool Hdf5Recording::has_imu() const { return imu_inside() || !imu_path_.empty(); }
 
@@ -256,13 +144,16 @@ std::string Hdf5Recording::event_group() const {
 }
 
 std::unique_ptr<RowSource<Event>> Hdf5Recording::events(Diagnostics& diagnostics) {
-  return std::make_unique<EventSource>(*file_, event_group(), layout_, diagnostics);
+  return open_hdf5_events(*file_, event_group(), layout_, diagnostics);
 }
 
 std::unique_ptr<RowSource<ImuSample>> Hdf5Recording::imu(Diagnostics& diagnostics) {
-  if (imu_inside()) return std::make_unique<ImuSource>(*file_, layout_, diagnostics);
+  if (imu_inside() && !choice_.imu.empty() && choice_.imu != layout_.imu_group)
+    throw UsageError(fmt::format("{}: --imu-topic '{}' is none of the groups with IMU data: {}",
+                                 file_->name(), printable(choice_.imu), layout_.imu_group));
+  if (imu_inside()) return open_hdf5_imu(*file_, layout_, diagnostics);
   if (imu_path_.extension() == ".bag") return BagRecording(imu_path_, choice_).imu(diagnostics);
-  if (!imu_path_.empty()) return open_imu_text(imu_path_, kTumVieImu);
+  if (!imu_path_.empty()) return open_imu_text(imu_path_, tum_vie_imu_layout());
   throw DataError(fmt::format("{}: holds no IMU data{}", file_->name(),
                               layout_.clock_offset        ? "; put DSEC's lidar_imu.bag beside it"
                               : layout_.imu_group.empty() ? "; put TUM-VIE's imu_data.txt beside it"
@@ -271,14 +162,19 @@ std::unique_ptr<RowSource<ImuSample>> Hdf5Recording::imu(Diagnostics& diagnostic
 
 std::optional<Trajectory> Hdf5Recording::groundtruth() {
   if (file_->has("groundtruth/t")) return own_groundtruth(*file_);
-  // M3ED: NAME_data.h5 and NAME_pose_gt.h5.
-  std::string stem = path_.stem().string();
-  if (file_->has("prophesee") && stem.ends_with("_data")) {
-    const fs::path poses = path_.parent_path() / (stem.substr(0, stem.size() - 5) + "_pose_gt.h5");
-    if (fs::exists(poses)) return m3ed_groundtruth(Hdf5File(poses));
-  }
+  if (const fs::path poses = m3ed_poses(); !poses.empty()) return m3ed_groundtruth(Hdf5File(poses));
   return std::nullopt;
 }
+
+/// M3ED: NAME_data.h5 and NAME_pose_gt.h5.
+fs::path Hdf5Recording::m3ed_poses() const {
+  const std::string stem = path_.stem().string();
+  if (!file_->has("prophesee") || !stem.ends_with("_data")) return {};
+  const fs::path poses = path_.parent_path() / (stem.substr(0, stem.size() - 5) + "_pose_gt.h5");
+  return fs::exists(poses) ? poses : fs::path();
+}
+
+std::vector<fs::path> Hdf5Recording::files() const { return {path_, imu_path_, m3ed_poses()}; }
 
 std::vector<StreamInfo> Hdf5Recording::streams() {
   std::vector<StreamInfo> found;
@@ -290,8 +186,11 @@ std::vector<StreamInfo> Hdf5Recording::streams() {
       found.push_back({name, what, -1});
     }
   };
-  for (const std::string& group : groups_) add(group + "/t", "/" + group, "events");
-  if (imu_inside()) add(layout_.imu_group + "/" + layout_.imu_t, "/" + layout_.imu_group, "IMU");
+  if (layout_.kind == Hdf5Layout::Kind::kColumns)
+    for (const std::string& group : groups_) add(group + "/t", "/" + group, "events");
+  else
+    for (const std::string& group : groups_) found.push_back({"/" + group + "/events", "events", -1});
+  if (imu_inside()) add(imu_stamps(), "/" + layout_.imu_group, "IMU");
   if (!imu_path_.empty()) found.push_back({imu_path_.string(), "IMU", -1});
   add("groundtruth/t", "/groundtruth", "poses");
   return found;

@@ -1,4 +1,4 @@
-// HDF5 recordings: the program's own layout, and those of DSEC, M3ED and TUM-VIE.
+// HDF5 recordings: the program's own layout, and those of DSEC, M3ED, TUM-VIE, MVSEC and Metavision.
 #pragma once
 
 #include <filesystem>
@@ -7,18 +7,10 @@
 #include <vector>
 
 #include "idol/io/hdf5_file.hpp"
+#include "idol/io/hdf5_sources.hpp"
 #include "idol/io/recording.hpp"
 
 namespace idol {
-
-/// Where a layout keeps what, and in which units.
-struct Hdf5Layout {
-  const char* name;
-  std::vector<std::string> event_groups;  ///< the usual one first
-  std::int64_t ns;                        ///< a unit of its stamps
-  bool clock_offset = false;              ///< microseconds to be added to the events' stamps: /t_offset
-  std::string imu_group = {}, accel = {}, gyro = {}, imu_t = {};
-};
 
 /// Choices are groups. DSEC keeps its IMU in a bag (lidar_imu.bag), TUM-VIE in a text file (imu_data.txt):
 /// each is looked for in the file's folder and near it.
@@ -33,12 +25,15 @@ class Hdf5Recording : public Recording {
   std::unique_ptr<RowSource<Event>> events(Diagnostics& diagnostics) override;
   std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) override;
   std::optional<Trajectory> groundtruth() override;
+  [[nodiscard]] std::vector<std::filesystem::path> files() const override;
   std::vector<StreamInfo> streams() override;
   Resolution resolution() override;
 
  private:
   [[nodiscard]] bool imu_inside() const;
+  [[nodiscard]] std::string imu_stamps() const;
   [[nodiscard]] std::string event_group() const;
+  [[nodiscard]] std::filesystem::path m3ed_poses() const;
 
   std::filesystem::path path_;
   StreamChoice choice_;

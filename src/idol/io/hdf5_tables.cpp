@@ -72,7 +72,7 @@ const Hdf5Message* find_message(const std::vector<Hdf5Message>& messages, std::u
                                   [&](const Hdf5Message& message) { return message.type == type; });
   if (found == messages.end()) return nullptr;
   constexpr std::uint8_t kShared = 0x02;
-  if ((found->flags & kShared) != 0) throw BadBytes{kHdf5Unknown};
+  if ((found->flags & kShared) != 0) throw UnknownFormat(kHdf5Unknown);
   return &*found;
 }
 
@@ -102,7 +102,7 @@ std::optional<std::uint64_t> find_symbol(Hdf5Tables& tables, const Hdf5Message& 
       const auto* text = names.data() + offset;
       if (text[name.size()] == 0 && std::memcmp(text, name.data(), name.size()) == 0)
         found = load<std::uint64_t>(symbols, at + 8);
-      if (found == kHdf5Undefined) throw BadBytes{kOtherLink};
+      if (found == kHdf5Undefined) throw UnknownFormat(kOtherLink);
     }
   });
   return found;
@@ -119,7 +119,7 @@ std::optional<std::uint64_t> read_link(const Hdf5Message& link, std::string_view
   const std::uint64_t length = get_number(cursor, std::size_t{1} << (flags & kLengthBytes));
   const Bytes text = cursor.take(static_cast<std::size_t>(length));
   if (!std::equal(text.begin(), text.end(), name.begin(), name.end())) return std::nullopt;
-  if (type != 0) throw BadBytes{kOtherLink};
+  if (type != 0) throw UnknownFormat(kOtherLink);
   return cursor.get<std::uint64_t>();
 }
 
@@ -132,7 +132,7 @@ std::optional<std::uint64_t> find_in_group(Hdf5Tables& tables, std::uint64_t gro
       if (const auto found = read_link(message, name)) return found;
   if (const Hdf5Message* info = find_message(messages, Hdf5Message::kLinkInfo)) {
     const std::size_t heap = (load<std::uint8_t>(info->data, 1) & 1) ? 10 : 2;
-    if (load<std::uint64_t>(info->data, heap) != kHdf5Undefined) throw BadBytes{kHdf5Unknown};
+    if (load<std::uint64_t>(info->data, heap) != kHdf5Undefined) throw UnknownFormat(kHdf5Unknown);
   }
   return std::nullopt;
 }
@@ -146,9 +146,9 @@ std::uint64_t hdf5_root(const RandomFile& file) {
   ByteCursor cursor(start);
   expect_hdf5_signature(cursor, "\x89HDF\r\n\x1a\n");
   const auto version = cursor.get<std::uint8_t>();
-  if (version > 3) throw BadBytes{kHdf5Unknown};
+  if (version > 3) throw UnknownFormat(kHdf5Unknown);
   const bool tables = version < 2;  // where the later versions have less
-  if (load<std::uint16_t>(start, tables ? 13 : 9) != 0x0808) throw BadBytes{kHdf5Unknown};
+  if (load<std::uint16_t>(start, tables ? 13 : 9) != 0x0808) throw UnknownFormat(kHdf5Unknown);
   constexpr std::uint8_t kOpenForWriting = 0x01 | 0x04;
   if (version == 3 && (load<std::uint8_t>(start, 11) & kOpenForWriting) != 0)
     throw BadBytes{"it was never closed"};

@@ -74,10 +74,10 @@ Hdf5Handle own_hdf5(Hdf5Id id) {
 }
 
 Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, const WriterOptions& options)
-    : name_(path.string()), compress_(options.compress) {
+    : name_(path.string()), pending_(path), compress_(options.compress) {
   H5open();
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  file_ = own_hdf5(H5Fcreate(name_.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
+  file_ = own_hdf5(H5Fcreate(pending_.path().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   check(file_ != nullptr);
   const std::array<std::int64_t, 3> about{1, options.width, options.height};
   const hsize_t size = about.size();
@@ -173,6 +173,7 @@ void Hdf5Writer::close() {
   check(H5Fflush(*file_, H5F_SCOPE_GLOBAL) >= 0);
   columns_.clear();
   file_.reset();
+  pending_.commit();
 }
 
 }  // namespace idol

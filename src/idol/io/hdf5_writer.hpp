@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "idol/io/pending_file.hpp"
 #include "idol/io/recording_writer.hpp"
 
 namespace idol {
@@ -35,6 +36,7 @@ class Hdf5Writer : public RecordingWriter {
   void check(bool good) const;
 
   std::string name_;
+  PendingFile pending_;
   bool compress_;
   Hdf5Handle file_;
   struct Column {

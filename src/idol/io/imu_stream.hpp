@@ -15,8 +15,9 @@ namespace idol {
 class ImuStream {
  public:
   /// `diagnostics` must outlive the stream.
-  ImuStream(std::unique_ptr<RowSource<ImuSample>> source, RowCheck<ImuSample> check, Diagnostics& diagnostics)
-      : rows_(std::move(source), check, diagnostics), diagnostics_(diagnostics) {}
+  ImuStream(std::unique_ptr<RowSource<ImuSample>> source, InputCheck<ImuSample> check,
+            Diagnostics& diagnostics, std::size_t skip = 0)
+      : rows_(std::move(source), check, diagnostics, skip), diagnostics_(diagnostics) {}
 
   /// The next sample; false at the end. Throws DataError on damage, after all samples before it were given
   /// out.

@@ -42,8 +42,20 @@ bool LineReader::refill_and_next(std::string_view& line) {
     const std::size_t count = read_bytes(buffer_.data() + kept, kBufferBytes - kept);
     if (count == 0) break;
     const char* fresh = buffer_.data() + kept;
+    const bool first = kept == 0 && line_number_ == 0;
     kept += count;
     end_ = buffer_.data() + kept;
+    // The byte order mark that some editors put before UTF-8.
+    constexpr std::string_view kMark = "\xef\xbb\xbf";
+    if (first && std::string_view(fresh, count).starts_with(kMark)) {
+      begin_ += kMark.size();
+      fresh = begin_;
+      if (const void* end = std::memchr(fresh, '\n', static_cast<std::size_t>(end_ - fresh))) {
+        take(static_cast<const char*>(end), line);
+        return true;
+      }
+      return refill_and_next(line);
+    }
     if (const void* end = std::memchr(fresh, '\n', count)) {
       take(static_cast<const char*>(end), line);
       return true;

@@ -65,7 +65,7 @@ std::size_t split_columns(std::string_view line, std::span<std::string_view> col
 
 bool is_blank_or_comment(std::string_view line) {
   const std::size_t first = line.find_first_not_of(" \t,");
-  return first == std::string_view::npos || line[first] == '#';
+  return first == std::string_view::npos || line[first] == '#' || line[first] == '%';
 }
 
 std::optional<double> parse_double(std::string_view token) {

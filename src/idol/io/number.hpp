@@ -6,6 +6,7 @@
 #include <span>
 #include <string_view>
 
+#include "idol/base/input_check.hpp"
 #include "idol/base/types.hpp"
 
 namespace idol {
@@ -16,7 +17,7 @@ inline bool is_separator(char c) { return c == ' ' || c == '\t' || c == ','; }
 /// Splits a line into columns. Returns how many there are; those beyond `columns.size()` are only counted.
 std::size_t split_columns(std::string_view line, std::span<std::string_view> columns);
 
-/// True for a blank line or a comment ('#').
+/// True for a blank line or a comment ('#', or Metavision's '%').
 bool is_blank_or_comment(std::string_view line);
 
 /// A whole token as a number, NaN and infinities included; nullopt if it is not one.
@@ -24,9 +25,6 @@ std::optional<double> parse_double(std::string_view token);
 
 /// A whole token as an integer; nullopt if it is not one.
 std::optional<std::int64_t> parse_integer(std::string_view token);
-
-/// Stamps lie within +-145 years of zero, so that the difference of any two is a Time as well [ns].
-constexpr Time kLargestStamp = 4'600'000'000'000'000'000;
 
 /// Decimal seconds as nanoseconds, exactly, halves of a nanosecond away from zero; any number of digits,
 /// scientific notation too. nullopt if it is no finite number or beyond

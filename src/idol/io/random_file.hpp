@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@ namespace idol {
 
 class RandomFile {
  public:
+  /// One compressed by gzip or Zstandard is decompressed into a temporary file, which goes with the program.
   /// Throws DataError if the file is missing, unreadable, empty or a folder.
   explicit RandomFile(const std::filesystem::path& path);
   ~RandomFile();
@@ -30,7 +32,8 @@ class RandomFile {
 
  private:
   std::string name_;
-  int descriptor_ = -1;
+  class Descriptor;
+  std::shared_ptr<const Descriptor> descriptor_;
   std::uint64_t size_ = 0;
 };
 

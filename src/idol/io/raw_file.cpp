@@ -18,7 +18,16 @@ constexpr std::size_t kChunkBytes = 1 << 17;
 
 }  // namespace
 
+void refuse_pipe(const std::filesystem::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0 || S_ISREG(status.st_mode) || S_ISDIR(status.st_mode)) return;
+  throw DataError(fmt::format("{}: is a {}; a recording is read more than once: write it to a file{}",
+                              path.string(), S_ISFIFO(status.st_mode) ? "pipe" : "device",
+                              S_ISFIFO(status.st_mode) ? ", or give '-' for standard input" : ""));
+}
+
 RawFile::RawFile(const std::filesystem::path& path) : name_(path.string()), chunk_(kChunkBytes) {
+  refuse_pipe(path);  // before it is opened, which would wait for a writer
   descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor_ < 0) throw DataError(fmt::format("{}: cannot be opened: {}", name_, std::strerror(errno)));
   struct stat status {};
@@ -49,7 +58,7 @@ std::string_view RawFile::peek() {
 
 double RawFile::progress() const {
   const double consumed = read_ - static_cast<double>(end_ - begin_);
-  return size_ > 0 ? std::min(1.0, consumed / size_) : 0.0;  // a pipe has no size
+  return size_ > 0 ? std::min(1.0, consumed / size_) : 0.0;
 }
 
 }  // namespace idol

@@ -9,9 +9,13 @@
 
 namespace idol {
 
+/// Throws DataError for a pipe, a socket or a terminal: files are read more than once. What does not exist
+/// passes.
+void refuse_pipe(const std::filesystem::path& path);
+
 class RawFile {
  public:
-  /// Throws DataError if the file is missing, unreadable, empty or a folder.
+  /// Throws DataError if the file is missing, unreadable, empty, a folder or a pipe.
   explicit RawFile(const std::filesystem::path& path);
   ~RawFile();
   RawFile(const RawFile&) = delete;

@@ -22,6 +22,7 @@ namespace idol {
 struct StreamChoice {
   std::string events, imu, truth;
   std::filesystem::path imu_file;  ///< the IMU from this recording instead; empty: from the same
+  std::string camera = {};         ///< of several in the rig file, as CameraChoice::name
 };
 
 /// One of the streams in a recording, for `idol info`.
@@ -46,11 +47,15 @@ class Recording {
   virtual std::unique_ptr<RowSource<ImuSample>> imu(Diagnostics& diagnostics) = 0;
   /// Pose of the camera in the world, if the recording has it. Throws DataError if it is damaged.
   virtual std::optional<Trajectory> groundtruth() { return std::nullopt; }
+  /// After groundtruth(): how many poses in it were lost, and left out.
+  [[nodiscard]] virtual std::int64_t lost_poses() const { return 0; }
   /// Whether groundtruth() is of the IMU instead of the camera.
   [[nodiscard]] virtual bool truth_of_imu() const { return false; }
-  /// Pictures beside the events, for reports; nullptr: none, or not read from this format. Of several streams the
-  /// first one.
+  /// Pictures beside the events, for reports; nullptr: none, or not read from this format. Of several streams
+  /// the first one.
   virtual std::unique_ptr<FrameSource> frames() { return nullptr; }
+  /// The files that are read, as far as they exist.
+  [[nodiscard]] virtual std::vector<std::filesystem::path> files() const = 0;
   /// All streams that the file names, those included that no odometry reads (triggers).
   virtual std::vector<StreamInfo> streams() { return {}; }
   /// Size of the sensor as the recording states it [px]; zero where it does not.
@@ -72,5 +77,8 @@ std::unique_ptr<Recording> open_recording(const std::filesystem::path& path, con
 
 /// For load_rig(): opens the recording when its size is asked for.
 StatedSize stated_size(const std::filesystem::path& path, const StreamChoice& choice = {});
+/// The same for a rig file of several cameras; looks at the first events where the recording does not state
+/// its size.
+CameraChoice camera_choice(const std::filesystem::path& path, const StreamChoice& choice = {});
 
 }  // namespace idol

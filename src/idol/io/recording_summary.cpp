@@ -44,6 +44,7 @@ void RecordingSummary::add(const Packet& packet) {
     gyro.add(sample.gyro);
     accel.add(sample.accel);
     accel_norm_sum += sample.accel.norm();
+    imu_check.add(sample);
   }
 }
 

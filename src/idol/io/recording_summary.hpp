@@ -9,6 +9,7 @@
 #include "idol/base/types.hpp"
 #include "idol/io/clock_check.hpp"
 #include "idol/io/event_monitor.hpp"
+#include "idol/io/imu_check.hpp"
 
 namespace idol {
 
@@ -52,6 +53,7 @@ struct RecordingSummary {
   VectorStats accel;                                    ///< [m/s^2]
   double accel_norm_sum = 0;
   ClockCheck clocks;
+  ImuCheck imu_check;
 
   /// Median distance of two IMU samples [s]; nothing for fewer than two.
   [[nodiscard]] std::optional<double> imu_period_s() const;

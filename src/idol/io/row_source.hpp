@@ -5,25 +5,10 @@
 #include <span>
 #include <string>
 
+#include "idol/base/input_check.hpp"
 #include "idol/base/types.hpp"
 
 namespace idol {
-
-enum class RowStatus {
-  kGood,
-  kNothing,    ///< blank line or comment
-  kNotFinite,  ///< NaN, infinite, or beyond any sensor: may be skipped when rare
-  kOutside,    ///< pixel outside the sensor: may be skipped when rare
-  kTorn,       ///< the last row, and the file ends inside it: skipped
-  kColumns,    ///< wrong number of columns
-  kBroken,     ///< a value that makes no sense
-};
-
-/// What a row is and, unless it is good, why.
-struct RowResult {
-  RowStatus status = RowStatus::kGood;
-  std::string why = {};
-};
 
 /// Where a stream comes from, for messages.
 class StreamPlace {

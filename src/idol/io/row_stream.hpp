@@ -7,6 +7,7 @@
 #include <exception>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -14,8 +15,9 @@
 #include <vector>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/input_check.hpp"
 #include "idol/base/types.hpp"
-#include "idol/io/row_check.hpp"
+#include "idol/io/imu_order.hpp"
 #include "idol/io/row_source.hpp"
 
 namespace idol {
@@ -28,8 +30,9 @@ class RowRules {
 
   /// Judges row `i` of the piece, which could not be used; returns if it may be skipped.
   void bad_row(std::size_t i, const RowResult& row);
-  /// A row earlier than one before it in the file.
-  void late_row(std::size_t i, Time t, Time previous, Time newest);
+  /// A row earlier than one before it in the file, `newest`; `previous` is the row just before it. Unless
+  /// `sorted`, it is dropped. Throws DataError once this is a clock that was set back.
+  void late_row(std::size_t i, Time t, Time previous, Time newest, bool sorted);
   /// A row that was used, or that was bad.
   void count_row() {
     if (++rows_ == next_check_) check_early();
@@ -42,16 +45,36 @@ class RowRules {
     // The difference of two stamps may be beyond the range of Time.
     if (t > 0 && previous < t - kJumpAhead) refuse_jump(i, previous, t);
   }
-  /// A row in order: late rows before it were a passing matter.
-  void in_order() { late_in_a_row_ = 0; }
+  /// A row in order: the late rows before it were a passing matter, or a clock that was set back and has
+  /// caught up.
+  void in_order(Time t) {
+    if (run_.rows > 0) end_run(t);
+  }
+  /// No row follows.
+  void end() const {
+    if (run_.rows >= shortest_reset()) refuse_reset();
+  }
+  /// It was the newest row whose stamp was wrong, not those that came late.
+  void forget_run() { run_ = {}; }
+  [[nodiscard]] std::int64_t late_in_a_row() const { return run_.rows; }
   /// At the end of the stream: the share of bad rows must be small.
   void check_share() const;
 
  private:
   // No recording pauses so long, and windows tile all time that passes [ns].
   static constexpr Time kJumpAhead = 600'000'000'000;
+  /// Late rows in a row that are in order among themselves.
+  struct LateRun {
+    std::int64_t rows = 0;
+    Time newest = 0, first = 0, last = 0;  ///< before it; of its rows
+    std::string place;                     ///< of the first one
+  };
+  [[nodiscard]] std::int64_t shortest_reset() const;
+  void end_run(Time t);
   void check_early();
+  [[nodiscard]] std::int64_t bad_rows() const { return not_finite_ + outside_ + late_; }
   [[noreturn]] void refuse_share() const;
+  [[noreturn]] void refuse_reset() const;
   [[noreturn]] void refuse_jump(std::size_t i, Time previous, Time t) const;
 
   const char* row_name_;
@@ -61,45 +84,30 @@ class RowRules {
   std::int64_t next_check_ = 10000;
   std::int64_t not_finite_ = 0;
   std::int64_t outside_ = 0;
-  std::int64_t jumps_back_ = 0;
-  std::int64_t late_in_a_row_ = 0;
-  std::string first_bad_;
+  std::int64_t late_ = 0;  // dropped, and by more than what jitter explains
+  LateRun run_;
+  std::string first_bad_, first_late_;
 };
 
 template <class Row>
 class RowStream {
  public:
-  /// `diagnostics` must outlive the stream.
-  RowStream(std::unique_ptr<RowSource<Row>> source, RowCheck<Row> check, Diagnostics& diagnostics)
-      : source_(std::move(source)), check_(check), rules_(RowCheck<Row>::kName, *source_, diagnostics) {}
+  /// The first `skip` good rows are left out. `diagnostics` must outlive the stream.
+  RowStream(std::unique_ptr<RowSource<Row>> source, InputCheck<Row> check, Diagnostics& diagnostics,
+            std::size_t skip = 0)
+      : source_(std::move(source)),
+        check_(check),
+        rules_(InputCheck<Row>::kName, *source_, diagnostics),
+        skip_(skip) {}
 
   /// The next row, none earlier than the one before; false at the end. Throws DataError on damage, after all
   /// rows before it were given out.
   bool next(Row& out) {
-    if (damage_) std::rethrow_exception(damage_);
-    try {
-      Row row;
-      while (read(row)) {
-        if (!held_) {
-          hold(row);
-        } else if (row.t >= held_row_.t) {
-          give(out);
-          hold(row);
-          rules_.in_order();
-          return true;
-        } else {
-          put_late(row);
-        }
-      }
-      if (!held_) rules_.check_share();
-    } catch (const DataError&) {
-      damage_ = std::current_exception();
-      if (!held_) throw;
+    if constexpr (std::is_same_v<Row, ImuSample>) {
+      return next_sorted(out);
+    } else {
+      return next_confirmed(out);
     }
-    if (!held_) return false;
-    held_ = false;
-    give(out);
-    return true;
   }
 
   /// Appends rows that next() would give out, those that need no second look: at most `most`, and only stamps
@@ -120,7 +128,6 @@ class RowStream {
     previous_ = held_row_.t;
     next_ += count;
     rules_.count_rows(static_cast<std::int64_t>(count));
-    rules_.in_order();
   }
 
   [[nodiscard]] const StreamPlace& place() const { return *source_; }
@@ -130,6 +137,83 @@ class RowStream {
   void check_share() const { rules_.check_share(); }
 
  private:
+  /// Each row is given out once the one behind it confirms its stamp. Late ones are dropped.
+  bool next_confirmed(Row& out) {
+    if (damage_) std::rethrow_exception(damage_);
+    try {
+      Row row;
+      while (read(row)) {
+        if (!held_) {
+          hold(row);
+        } else if (row.t >= held_row_.t) {
+          rules_.in_order(row.t);
+          give(held_row_, out);
+          hold(row);
+          return true;
+        } else {
+          put_late(row);
+        }
+      }
+      rules_.end();
+      if (!held_) rules_.check_share();
+    } catch (const DataError&) {
+      damage_ = std::current_exception();
+      if (!held_) throw;
+    }
+    if (!held_) return false;
+    held_ = false;
+    give(held_row_, out);
+    return true;
+  }
+
+  /// Late rows are put in their places, as far as that is still possible.
+  bool next_sorted(Row& out) {
+    while (true) {
+      if (auto settled = order_.pop(damage_ || over_)) {
+        give(settled->sample, out);
+        given_at_ = std::move(settled->place);
+        return true;
+      }
+      if (damage_) std::rethrow_exception(damage_);
+      if (over_) return false;
+      try {
+        Row row;
+        over_ = !read(row);
+        if (over_) {
+          rules_.end();
+          rules_.check_share();
+        } else {
+          sort_in(row);
+        }
+      } catch (const DataError&) {
+        damage_ = std::current_exception();
+      }
+    }
+  }
+
+  void sort_in(const Row& row) {
+    const bool late = !order_.empty() && row.t < order_.newest();
+    const bool repeats = row.t == given_ || (!order_.empty() && row.t == order_.newest());
+    std::string place = late || repeats ? source_->where(here()) : std::string();
+    if (!late) {
+      rules_.in_order(row.t);
+      order_.push(row, std::move(place));
+    } else {
+      // One stamp ahead of several rows on both sides: it is that one that is wrong.
+      constexpr std::int64_t kSure = 3;
+      const Time newest = order_.newest(), before = order_.before_newest().value_or(row.t);
+      const bool taken = order_.push(row, std::move(place));
+      ahead_ = row.t >= (rules_.late_in_a_row() == 0 ? before : previous_) &&
+               (rules_.late_in_a_row() == 0 || ahead_);
+      rules_.late_row(here(), row.t, previous_, newest, taken);
+      if (ahead_ && rules_.late_in_a_row() >= kSure) {
+        order_.drop_newest();
+        rules_.forget_run();
+      }
+    }
+    previous_ = row.t;
+  }
+
   bool read(Row& row) {
     for (;;) {
       while (next_ < piece_.size()) {
@@ -137,6 +221,10 @@ class RowStream {
         const bool good = check_.good(row);
         if (!good) rules_.bad_row(next_ - 1, check_.explain(row));
         rules_.count_row();
+        if (good && skip_ > 0) {
+          --skip_;
+          continue;
+        }
         if (good) return true;
       }
       piece_ = source_->read();
@@ -161,38 +249,78 @@ class RowStream {
     held_row_ = row;
     held_ = true;
     previous_ = row.t;
-    // Events have one stamp often, and nobody asks where.
-    if constexpr (std::is_same_v<Row, ImuSample>)
-      held_at_ = row.t == given_ ? source_->where(here()) : std::string();
   }
 
-  void give(Row& out) {
+  void give(const Row& row, Row& out) {
     constexpr Time kNone = std::numeric_limits<Time>::min();
-    if (given_ != kNone) rules_.check_jump(here(), given_, held_row_.t);
-    out = held_row_;
+    if (given_ != kNone) rules_.check_jump(here(), given_, row.t);
+    out = row;
     given_ = out.t;
-    given_at_ = std::move(held_at_);
   }
 
   void put_late(const Row& row) {
-    rules_.late_row(here(), row.t, previous_, held_row_.t);
+    rules_.late_row(here(), row.t, previous_, held_row_.t, false);
     // One stamp ahead of its neighbours on both sides: it is that one that is wrong.
     constexpr Time kGlitch = 1'000'000;
-    if (previous_ == held_row_.t && held_row_.t - row.t > kGlitch && row.t >= given_) hold(row);
+    if (previous_ == held_row_.t && held_row_.t - row.t > kGlitch && row.t >= given_) {
+      hold(row);
+      rules_.forget_run();
+    }
     previous_ = row.t;
   }
 
   std::unique_ptr<RowSource<Row>> source_;
-  RowCheck<Row> check_;
+  InputCheck<Row> check_;
   RowRules rules_;
   std::span<const Row> piece_;
   std::size_t next_ = 0;  // row of the piece to be read next
-  Row held_row_{};        // read, but not given out before the next row confirms its stamp
+  std::size_t skip_;
+  Row held_row_{};  // read, but not given out before the next row confirms its stamp
   bool held_ = false;
+  ImuOrder order_;  // of IMU rows, in place of held_row_
+  bool ahead_ =
+      false;  // the newest IMU row's stamp lies ahead of all since, which are in order with those before
+  bool over_ = false;
   Time given_ = std::numeric_limits<Time>::min();  // stamp of the last row given out
   Time previous_ = 0;                              // stamp of the last row of the file, used or not
-  std::string held_at_, given_at_;                 // places of IMU rows that have the stamp of the one before
+  std::string given_at_;  // place of the IMU row that has the stamp of the one before
   std::exception_ptr damage_;
 };
+
+/// Rows at the beginning of a stream from before its clock was set.
+struct RowsBeforeClock {
+  std::size_t rows = 0;
+  Time first = 0, last = 0;  ///< of theirs
+  Time next = 0;             ///< of the first row behind them
+};
+
+/// Looks at the first rows of a pass of its own: a few of them that are stamped minutes away from those
+/// behind, which go on in order, are from before the clock was set. Nothing if there are none.
+template <class Row>
+std::optional<RowsBeforeClock> rows_before_clock(RowSource<Row>& source, const InputCheck<Row>& check) {
+  constexpr std::size_t kMost = std::is_same_v<Row, ImuSample> ? 2000 : 40000;
+  constexpr Time kJump = 60'000'000'000;
+  const auto apart = [](Time a, Time b) { return a > b + kJump || b > a + kJump; };
+  RowsBeforeClock found;
+  std::size_t rows = 0;
+  Time first = 0, previous = 0;
+  while (rows < kMost) {
+    const std::span<const Row> piece = source.read();
+    if (piece.empty() && source.odd().status == RowStatus::kGood) break;
+    for (const Row& row : piece) {
+      if (!check.good(row)) continue;
+      if (rows == 0) first = row.t;
+      if (rows > 0 && apart(row.t, previous)) found = {rows, first, previous, row.t};
+      previous = row.t;
+      ++rows;
+    }
+  }
+  // More than a tenth is no beginning; and a single wild stamp leaves both sides by one clock.
+  constexpr std::size_t kFew = 20;
+  const bool few =
+      found.rows > 0 && 2 * found.rows <= rows && (found.rows <= kFew || 10 * found.rows <= rows);
+  if (!few || (!apart(first, found.next) && !apart(first, previous))) return std::nullopt;
+  return found;
+}
 
 }  // namespace idol

@@ -18,6 +18,12 @@ bool is_binary(std::string_view line) {
                      [](char c) { return (static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7f; });
 }
 
+/// Python's True and False as numbers; anything else as it is.
+std::string_view as_number(std::string_view token) {
+  if (token == "True" || token == "true") return "1";
+  return token == "False" || token == "false" ? "0" : token;
+}
+
 /// Splits the line into exactly as many columns as there is room for and reads all as numbers.
 RowResult read_numbers(std::string_view line, const char* meaning, std::span<std::string_view> columns,
                        std::span<double> values) {
@@ -29,7 +35,7 @@ RowResult read_numbers(std::string_view line, const char* meaning, std::span<std
             fmt::format("{} columns where {} are expected ({})", count, columns.size(), meaning)};
   bool finite = true;
   for (std::size_t i = 0; i < columns.size(); ++i) {
-    const auto value = parse_double(columns[i]);
+    const auto value = parse_double(as_number(columns[i]));
     if (!value)
       return {RowStatus::kBroken, fmt::format("'{}' is not a number ({})", printable(columns[i]), meaning)};
     values[i] = *value;
@@ -60,13 +66,15 @@ std::optional<Time> parse_units(std::string_view token, std::int64_t ns) {
 }  // namespace
 
 RowResult EventParser::explain(std::string_view line, Event& event) const {
-  std::array<std::string_view, 4> columns;
+  std::array<std::string_view, 4> stated, columns;
   std::array<double, 4> values;
-  if (RowResult result = read_numbers(line, "t x y polarity", columns, values);
+  if (RowResult result = read_numbers(line, "t x y polarity", stated, values);
       result.status != RowStatus::kGood)
     return result;
-  const auto [seconds, x, y, polarity] = values;
-  const auto t = parse_stamp(columns[0]);
+  for (std::size_t i = 0; i < columns.size(); ++i) columns[i] = stated[layout_.columns[i]];
+  const double x = values[layout_.columns[1]], y = values[layout_.columns[2]],
+               polarity = values[layout_.columns[3]];
+  const auto t = layout_.stamp_ns == 0 ? parse_stamp(columns[0]) : parse_units(columns[0], layout_.stamp_ns);
   if (!t) return bad_stamp(columns[0]);
   if (x != std::floor(x) || y != std::floor(y)) {
     return {RowStatus::kBroken,
@@ -85,8 +93,8 @@ RowResult ImuParser::explain(std::string_view line, ImuSample& sample) const {
   std::array<std::string_view, 8> columns;
   std::array<double, 8> v;
   const std::size_t count = split_columns(layout_.columns, {});
-  if (RowResult result =
-          read_numbers(line, layout_.columns, std::span(columns).first(count), std::span(v).first(count));
+  if (RowResult result = read_numbers(line, layout_.columns.c_str(), std::span(columns).first(count),
+                                      std::span(v).first(count));
       result.status != RowStatus::kGood)
     return result;
   const auto t = layout_.stamp_ns == 0 ? parse_stamp(columns[0]) : parse_units(columns[0], layout_.stamp_ns);

@@ -3,20 +3,25 @@
 
 #include <cstdint>
 #include <string_view>
+#include <utility>
 
 #include "idol/base/types.hpp"
 #include "idol/io/number.hpp"
 #include "idol/io/row_source.hpp"
+#include "idol/io/text_layout.hpp"
 
 namespace idol {
 
-/// "t x y polarity", polarity 0 or -1 for darker, 1 for brighter.
+/// "t x y polarity" unless the file's layout says otherwise; polarity 0, -1 or False for darker, 1 or True
+/// for brighter.
 class EventParser {
  public:
   using Row = Event;
 
+  explicit EventParser(const EventTextLayout& layout = {}) : layout_(layout), usual_(layout.usual()) {}
   /// The row in its usual form; false if it must be looked at with explain().
   bool parse(std::string_view line, Event& event) const {
+    if (!usual_) return false;
     const char* p = line.data();
     const char* end = p + line.size();
     std::uint32_t x = 0;
@@ -58,23 +63,15 @@ class EventParser {
   }
 
   static constexpr std::uint32_t kLargestPixel = 0xffff;
+  EventTextLayout layout_;
+  bool usual_;
 };
-
-/// How a text file writes IMU samples. Units are m/s^2 and rad/s in all of them.
-struct ImuTextLayout {
-  const char* columns;        ///< their names, parted by blanks; the first seven are read
-  std::int64_t stamp_ns = 0;  ///< a unit of the stamps, which are whole numbers; 0: decimal seconds
-  bool gyro_first = false;
-};
-constexpr ImuTextLayout kRpgImu{"t ax ay az gx gy gz"};
-constexpr ImuTextLayout kAslImu{"t[ns] wx wy wz ax ay az", 1, true};
-constexpr ImuTextLayout kTumVieImu{"t[us] gx gy gz ax ay az temperature", 1000, true};
 
 class ImuParser {
  public:
   using Row = ImuSample;
 
-  ImuParser(const ImuTextLayout& layout = kRpgImu) : layout_(layout) {}
+  explicit ImuParser(ImuTextLayout layout) : layout_(std::move(layout)) {}
   bool parse(std::string_view, ImuSample&) const { return false; }
   RowResult explain(std::string_view line, ImuSample& sample) const;
 

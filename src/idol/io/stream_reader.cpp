@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 
@@ -36,15 +37,46 @@ void StreamReader::Cursor<Row>::advance() {
   }
 }
 
+template <>
+std::unique_ptr<RowSource<Event>> StreamReader::source(Diagnostics& diagnostics) {
+  return recording_->events(diagnostics);
+}
+template <>
+std::unique_ptr<RowSource<ImuSample>> StreamReader::source(Diagnostics& diagnostics) {
+  return recording_->imu(diagnostics);
+}
+
+/// In a pass of its own over the first rows.
+template <class Row>
+std::size_t StreamReader::find_rows_before_clock(const InputCheck<Row>& check, Diagnostics& diagnostics) {
+  try {
+    Diagnostics unheard;
+    const auto rows = source<Row>(unheard);
+    const auto before = rows_before_clock(*rows, check);
+    if (!before) return 0;
+    diagnostics.warn(
+        "stamps_before_clock",
+        fmt::format("{}: the first {} rows are stamped {:.6f} to {:.6f} s, before the clock was set to "
+                    "{:.6f} s; rows dropped",
+                    rows->name(), before->rows, seconds_of(before->first), seconds_of(before->last),
+                    seconds_of(before->next)),
+        static_cast<std::int64_t>(before->rows));
+    return before->rows;
+  } catch (const DataError&) {
+    return 0;  // the pass that matters comes to the same place, and says so
+  }
+}
+
 template <class Row>
 std::unique_ptr<StreamReader::Cursor<Row>> StreamReader::open(std::unique_ptr<RowSource<Row>> source,
-                                                              RowCheck<Row> check) {
+                                                              InputCheck<Row> check) {
+  const std::size_t skip = find_rows_before_clock(check, diagnostics_);
   auto cursor =
-      std::unique_ptr<Cursor<Row>>(new Cursor<Row>{{std::move(source), check, diagnostics_}, {}, {}});
+      std::unique_ptr<Cursor<Row>>(new Cursor<Row>{{std::move(source), check, diagnostics_, skip}, {}, {}});
   cursor->advance();
   if (!cursor->head) {
     if (cursor->damage) std::rethrow_exception(cursor->damage);
-    throw DataError(fmt::format("{}: holds no {} at all", cursor->name(), RowCheck<Row>::kName));
+    throw DataError(fmt::format("{}: holds no {} at all", cursor->name(), InputCheck<Row>::kName));
   }
   return cursor;
 }
@@ -63,11 +95,11 @@ StreamReader::StreamReader(std::unique_ptr<Recording> recording, const ReaderOpt
 
 void StreamReader::open_streams() {
   if (options_.need_events || recording_->has_events()) {
-    events_ = open(recording_->events(diagnostics_), RowCheck<Event>(options_.width, options_.height));
+    events_ = open(recording_->events(diagnostics_), InputCheck<Event>(options_.width, options_.height));
     check_resolution();
   }
   if (options_.need_imu || !events_ || (options_.imu_if_present && recording_->has_imu()))
-    imu_ = open(recording_->imu(diagnostics_), RowCheck<ImuSample>());
+    imu_ = open(recording_->imu(diagnostics_), InputCheck<ImuSample>());
 
   first_stamp_ = events_ ? events_->head->t : imu_->head->t;
   if (imu_) {
@@ -77,7 +109,8 @@ void StreamReader::open_streams() {
     try {
       Diagnostics unheard;
       ImuSample sample;
-      ImuStream peek(recording_->imu(unheard), {}, unheard);
+      ImuStream peek(recording_->imu(unheard), {}, unheard,
+                     find_rows_before_clock(InputCheck<ImuSample>(), unheard));
       if (peek.next(sample)) first_stamp_ = std::min(first_stamp_, sample.t);
     } catch (const DataError&) {
       // Whoever wants the IMU will hear of it.
@@ -145,7 +178,10 @@ std::string StreamReader::span_of_events() const {
 
 void StreamReader::check_overlap() const {
   if (imu_->damage || !first_event_) return;
-  const char* advice = "the streams do not overlap in time; are both of one recording and one clock?";
+  std::string advice = "the streams do not overlap in time; are both of one recording and one clock?";
+  if (std::abs(options_.imu_offset_s) > 0.01)
+    advice = fmt::format("with the rig's time shift of {:.3f} s (t_imu = t_camera + shift) {}",
+                         options_.imu_offset_s, advice);
   if (!imu_->head && (!first_imu_ || last_imu_ < *first_event_)) {
     throw DataError(fmt::format("{}, but {} ends before that, at {:.6f} s; {}", span_of_events(),
                                 imu_->name(), seconds_of(last_imu_ + imu_offset_), advice));

@@ -38,7 +38,11 @@ class StreamReader : public Reader {
     [[nodiscard]] const std::string& name() const { return stream.place().name(); }
   };
   template <class Row>
-  std::unique_ptr<Cursor<Row>> open(std::unique_ptr<RowSource<Row>> source, RowCheck<Row> check);
+  std::unique_ptr<Cursor<Row>> open(std::unique_ptr<RowSource<Row>> source, InputCheck<Row> check);
+  template <class Row>
+  std::unique_ptr<RowSource<Row>> source(Diagnostics& diagnostics);
+  template <class Row>
+  std::size_t find_rows_before_clock(const InputCheck<Row>& check, Diagnostics& diagnostics);
   void open_streams();
 
   void fill_events();

@@ -20,6 +20,12 @@ double TableRow::number(std::size_t i) const {
   return *value;
 }
 
+double TableRow::any_number(std::size_t i) const {
+  const auto value = parse_double(columns_[i]);
+  if (!value) refuse(fmt::format("'{}' is not a number", printable(columns_[i])));
+  return *value;
+}
+
 Time TableRow::stamp(std::size_t i) const {
   const auto value = parse_stamp(columns_[i]);
   if (!value) refuse(fmt::format("'{}' is not a stamp in seconds", printable(columns_[i])));

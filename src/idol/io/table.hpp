@@ -19,6 +19,8 @@ class TableRow {
       : columns_(columns), where_(std::move(where)) {}
   /// Column `i` as a finite number, a stamp, an integer. Each throws DataError, naming file and line.
   [[nodiscard]] double number(std::size_t i) const;
+  /// A number that need not be finite.
+  [[nodiscard]] double any_number(std::size_t i) const;
   [[nodiscard]] Time stamp(std::size_t i) const;
   [[nodiscard]] std::int64_t integer(std::size_t i) const;
   [[nodiscard]] Vec3 vec3(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }

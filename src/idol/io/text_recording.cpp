@@ -44,27 +44,60 @@ bool TextRecording::has_imu() const {
 
 std::unique_ptr<RowSource<Event>> TextRecording::events(Diagnostics& diagnostics) {
   const fs::path file = fs::is_directory(path_) ? find("events.txt", diagnostics) : path_;
-  return std::make_unique<TextSource<Event, EventParser>>(file);
+  const EventTextLayout layout = find_event_layout(file, diagnostics);
+  return std::make_unique<TextSource<Event, EventParser>>(file, EventParser(layout), layout.skip);
 }
 
 std::unique_ptr<RowSource<ImuSample>> TextRecording::imu(Diagnostics& diagnostics) {
   const fs::path asl = find_asl("imu0");
-  if (!asl.empty() && find_stream_files(folder_, "imu.txt").empty()) return open_imu_text(asl, kAslImu);
-  return open_imu_text(find("imu.txt", diagnostics));
+  if (!asl.empty() && find_stream_files(folder_, "imu.txt").empty())
+    return open_imu_text(asl, asl_imu_layout());
+  const fs::path file = find("imu.txt", diagnostics);
+  return open_imu_text(file, find_imu_layout(file, diagnostics));
+}
+
+Recording::Resolution TextRecording::resolution() {
+  try {
+    Diagnostics unheard;
+    const EventTextLayout layout =
+        find_event_layout(fs::is_directory(path_) ? find("events.txt", unheard) : path_, unheard);
+    return {layout.width, layout.height};
+  } catch (const DataError&) {
+    return {};  // whoever reads the events will hear of it
+  }
 }
 
 std::optional<Trajectory> TextRecording::groundtruth() {
   const auto files = find_stream_files(folder_, "groundtruth.txt");
-  if (!files.empty()) return read_trajectory(files[0]);
-  const fs::path asl = find_asl("state_groundtruth_estimate0");
-  if (!asl.empty()) return read_trajectory(asl);
-  return std::nullopt;
+  fs::path file = files.empty() ? fs::path() : files[0];
+  for (const char* name : {"state_groundtruth_estimate0", "mocap0"})
+    if (file.empty()) file = find_asl(name);
+  if (file.empty()) return std::nullopt;
+  TruthFile truth = read_truth(file);
+  lost_poses_ = truth.lost;
+  return std::move(truth.poses);
+}
+
+std::vector<fs::path> TextRecording::files() const {
+  std::vector<fs::path> files{path_};
+  for (const char* name : {"events.txt", "imu.txt", "groundtruth.txt", "images.txt"})
+    for (fs::path& file : find_stream_files(folder_, name)) files.push_back(std::move(file));
+  for (const char* name : {"imu0", "state_groundtruth_estimate0", "mocap0"}) files.push_back(find_asl(name));
+  return files;
 }
 
 bool TextRecording::truth_of_imu() const { return find_stream_files(folder_, "groundtruth.txt").empty(); }
 
+std::unique_ptr<RowSource<Event>> ImuTextRecording::events(Diagnostics&) {
+  throw DataError(fmt::format("{}: holds an IMU, no events", path_.string()));
+}
+
+std::unique_ptr<RowSource<ImuSample>> ImuTextRecording::imu(Diagnostics& diagnostics) {
+  return open_imu_text(path_, find_imu_layout(path_, diagnostics));
+}
+
 std::unique_ptr<RowSource<ImuSample>> open_imu_text(const fs::path& path, const ImuTextLayout& layout) {
-  return std::make_unique<TextSource<ImuSample, ImuParser>>(path, ImuParser(layout));
+  return std::make_unique<TextSource<ImuSample, ImuParser>>(path, ImuParser(layout), layout.skip);
 }
 
 }  // namespace idol

@@ -4,7 +4,7 @@
 
 #include <iterator>
 
-#include "idol/base/diagnostics.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/sequence_files.hpp"
 #include "idol/io/trajectory_io.hpp"
 
@@ -14,11 +14,7 @@ namespace fs = std::filesystem;
 
 TextRecordingWriter::TextRecordingWriter(const fs::path& folder, bool compress)
     : folder_(folder), compress_(compress) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
-  for (const char* name : {"events.txt", "imu.txt", "groundtruth.txt"})
-    for (const fs::path& old : find_stream_files(folder, name)) fs::remove(old, error);
+  claim_folder(folder, FolderContent::kRecording);
 }
 
 void TextRecordingWriter::add(std::span<const Event> events) {
@@ -42,11 +38,15 @@ void TextRecordingWriter::add(const Packet& packet) {
 }
 
 bool TextRecordingWriter::add_groundtruth(const Trajectory& truth) {
-  write_trajectory(folder_ / "groundtruth.txt", truth);
+  truth_ = truth;
   return true;
 }
 
 void TextRecordingWriter::close() {
+  std::error_code error;
+  for (const char* name : {"events.txt", "imu.txt", "groundtruth.txt"})
+    for (const fs::path& old : find_stream_files(folder_, name)) fs::remove(old, error);
+  if (!truth_.empty()) write_trajectory(folder_ / "groundtruth.txt", truth_);
   for (auto* file : {&events_, &imu_})
     if (*file) (*file)->close();
 }

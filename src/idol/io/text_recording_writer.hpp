@@ -12,7 +12,8 @@ namespace idol {
 
 class TextRecordingWriter : public RecordingWriter {
  public:
-  /// Creates the folder; with `compress`, events.txt.zst. Throws DataError if it cannot be written.
+  /// Claims the folder; with `compress`, events.txt.zst. What an earlier recording left in it is replaced,
+  /// and removed, by close(). Throws DataError if it cannot be written, UsageError if it holds anything else.
   TextRecordingWriter(const std::filesystem::path& folder, bool compress);
 
   void add(const Packet& packet) override;
@@ -24,6 +25,7 @@ class TextRecordingWriter : public RecordingWriter {
  private:
   std::filesystem::path folder_;
   bool compress_;
+  Trajectory truth_;
   std::optional<TextWriter> events_, imu_;  ///< as soon as there is something to write
 };
 

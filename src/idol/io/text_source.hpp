@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "idol/io/line_reader.hpp"
+#include "idol/io/number.hpp"
 #include "idol/io/row_source.hpp"
 
 namespace idol {
@@ -16,12 +17,17 @@ template <class Row, class Parser>
 class TextSource : public RowSource<Row> {
  public:
   /// Throws DataError if the file cannot be opened.
-  explicit TextSource(const std::filesystem::path& path, Parser parser = {})
-      : lines_(path), parser_(std::move(parser)) {}
+  /// The first `skip` lines that are no comments are no rows.
+  TextSource(const std::filesystem::path& path, Parser parser, std::size_t skip)
+      : lines_(path), parser_(std::move(parser)), skip_(skip) {}
 
   std::span<const Row> read() override {
     std::string_view line;
     while (lines_.next(line)) {
+      if (skip_ > 0) {
+        if (!is_blank_or_comment(line)) --skip_;
+        continue;
+      }
       if (parser_.parse(line, row_)) return {&row_, 1};
       odd_ = parser_.explain(line, row_);
       if (odd_.status == RowStatus::kNothing) continue;
@@ -41,6 +47,7 @@ class TextSource : public RowSource<Row> {
  private:
   LineReader lines_;
   Parser parser_;
+  std::size_t skip_;
   Row row_{};
   RowResult odd_;
 };

@@ -1,6 +1,7 @@
 // Trajectories as text (TUM: t tx ty tz qx qy qz qw) and lines as CSV and PLY.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 
@@ -9,7 +10,16 @@
 namespace idol {
 
 /// Reads a TUM trajectory; '#' starts a comment, stamps must increase. Throws DataError with file and line.
+/// EuRoC's and TUM-VI's layouts too, which a first line beginning with '#timestamp,' tells.
 Trajectory read_trajectory(const std::filesystem::path& path);
+
+/// Ground truth as motion captures leave it.
+struct TruthFile {
+  Trajectory poses;
+  std::int64_t lost = 0;        ///< rows of zeros or of no numbers, left out: the capture had lost the body
+  bool has_orientation = true;  ///< false: rows `t px py pz`; the quaternions are NaN
+};
+TruthFile read_truth(const std::filesystem::path& path);
 
 /// Writers throw DataError when the disk refuses.
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose> trajectory);

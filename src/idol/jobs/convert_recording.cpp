@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "idol/base/rig.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/reader.hpp"
 #include "idol/io/text_writer.hpp"
 
@@ -29,11 +30,17 @@ struct Extent {
   }
 };
 
-/// A file is not written over itself: it would be gone before it is read.
-void check_not_same(const ConvertRequest& request) {
+void check_output(const ConvertRequest& request) {
+  check_exists(request.in);
+  InputPaths inputs;
+  inputs.add_recording(request.in, request.choice, request.rig_path, request.imu_rig_path);
+  inputs.refuse_output(request.out);
+}
+
+/// Whether there is a result of before, which only a conversion that comes to its end may replace.
+bool is_there(const fs::path& out) {
   std::error_code ignored;
-  if (fs::equivalent(request.in, request.out, ignored))
-    throw UsageError(fmt::format("{}: is to be read and written; give another OUT", request.out.string()));
+  return fs::is_regular_file(out, ignored) || (fs::is_directory(out, ignored) && !fs::is_empty(out, ignored));
 }
 
 ReaderOptions reader_options(const ConvertRequest& request) {
@@ -50,8 +57,9 @@ ReaderOptions reader_options(const ConvertRequest& request) {
 /// The rig as far as there is one; an explicit file must be good.
 std::optional<Rig> find_rig(const ConvertRequest& request) {
   try {
-    return load_rig(request.in, request.rig_path, request.imu_rig_path);
-  } catch (const DataError&) {
+    return load_rig(request.in, request.rig_path, request.imu_rig_path, nullptr, {},
+                    camera_choice(request.in, request.choice));
+  } catch (const std::runtime_error&) {  // DataError, UsageError
     if (!request.rig_path.empty() || !request.imu_rig_path.empty()) throw;
   }
   return std::nullopt;
@@ -67,7 +75,8 @@ std::int64_t convert_groundtruth(const ConvertRequest& request, const Extent& ex
     for (const auto& pose : recording->groundtruth().value_or(Trajectory{}))
       if (pose.t >= *extent.first && pose.t <= *extent.last) truth.push_back(pose);
     if (recording->truth_of_imu() && !truth.empty()) {
-      const Rig rig = load_rig(request.in, request.rig_path, request.imu_rig_path);
+      const Rig rig = load_rig(request.in, request.rig_path, request.imu_rig_path, nullptr, {},
+                               camera_choice(request.in, request.choice));
       for (StampedPose& pose : truth) pose.T = pose.T * rig.T_i_c;
     }
   } catch (const std::runtime_error& e) {  // DataError, UsageError
@@ -93,20 +102,23 @@ std::optional<RecordingFormat> parse_recording_format(const std::string& name) {
 }
 
 Conversion convert_recording(const ConvertRequest& request, const std::function<bool()>& interrupted) {
-  check_not_same(request);
+  check_output(request);
   const std::optional<Rig> rig = find_rig(request);
   const auto reader = open_reader(request.in, reader_options(request));
   const auto stated = open_recording(request.in, request.choice)->resolution();
   WriterOptions writing{stated.width, stated.height, request.compress};
   if (writing.width == 0 && rig) writing = {rig->camera.width, rig->camera.height, request.compress};
   const RecordingFormat format = request.format.value_or(format_of_name(request.out));
+  const bool replaces = is_there(request.out);
   const auto writer = create_recording(request.out, format, writing);
   Conversion done;
   Extent extent;
+  bool whole = false;
   try {
     while (!(interrupted && interrupted())) {
       const auto packet = reader->next();
-      if (!packet) break;
+      whole = !packet;
+      if (whole) break;
       done.events += std::ssize(packet->events);
       done.imu += std::ssize(packet->imu);
       extent.add(*packet);
@@ -115,11 +127,15 @@ Conversion convert_recording(const ConvertRequest& request, const std::function<
   } catch (const DataError& e) {
     done.damage = e.what();
   }
+  done.diagnostics.merge(reader->diagnostics());
+  if (!whole && (replaces || !extent.first)) {
+    done.kept_old = true;
+    return done;
+  }
   done.poses = convert_groundtruth(request, extent, *writer, done.diagnostics);
   writer->close();
   if (format == RecordingFormat::kText && rig)
     write_text_file(request.out / "camchain-imucam.yaml", rig_to_yaml(*rig));
-  done.diagnostics.merge(reader->diagnostics());
   return done;
 }
 

@@ -25,11 +25,13 @@ struct ConvertRequest {
 struct Conversion {
   std::int64_t events = 0, imu = 0, poses = 0;  ///< written
   std::string damage;  ///< why the reading ended early; what came before is written. Empty: it did not
+  /// The reading ended early and nothing was written: `out` was there before, or there was nothing to write.
+  bool kept_old = false;
   Diagnostics diagnostics;
 };
 
 /// `interrupted` (may be empty) is asked before each packet; true ends the reading. Throws DataError, and
-/// UsageError when `in` and `out` are the same.
+/// UsageError when `out` is, holds or lies in anything that is read.
 Conversion convert_recording(const ConvertRequest& request, const std::function<bool()>& interrupted = {});
 
 /// The name that RecordingFormat has outside: text, bag, hdf5, aedat4. Nullopt for any other word.

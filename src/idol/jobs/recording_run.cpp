@@ -8,10 +8,13 @@
 #include <utility>
 #include <vector>
 
+#include "idol/io/output_guard.hpp"
+#include "idol/io/recording_judgement.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/jobs/run_truth.hpp"
 #include "idol/report/frames.hpp"
 #include "idol/report/report.hpp"
+#include "idol/report/run_folder.hpp"
 
 namespace idol {
 namespace {
@@ -20,12 +23,18 @@ using Clock = std::chrono::steady_clock;
 
 Rig rig_of(const RunRequest& request, Diagnostics& diagnostics) {
   check_exists(request.sequence);
+  if (!request.out.empty()) {
+    InputPaths inputs;
+    inputs.add_recording(request.sequence, request.choice, request.rig_path, request.imu_rig_path);
+    inputs.refuse_output(request.out);
+  }
   if (request.rig) return *request.rig;
   return load_rig(request.sequence, request.rig_path, request.imu_rig_path, &diagnostics,
-                  stated_size(request.sequence, request.choice));
+                  stated_size(request.sequence, request.choice),
+                  camera_choice(request.sequence, request.choice));
 }
 
-std::unique_ptr<Reader> reader_of(const RunRequest& request, const Rig& rig) {
+ReaderOptions reading_of(const RunRequest& request, const Rig& rig) {
   ReaderOptions reading;
   reading.width = rig.camera.width;
   reading.height = rig.camera.height;
@@ -34,7 +43,14 @@ std::unique_ptr<Reader> reader_of(const RunRequest& request, const Rig& rig) {
   reading.imu_offset_s = rig.time_offset_s;
   reading.imu_near_events = true;
   reading.choice = request.choice;
-  return open_reader(request.sequence, reading);
+  return reading;
+}
+
+/// Looks at the recording's beginning. The folder is taken before, so that a run that cannot write does not
+/// read, and cleared after, so that a run that is refused leaves what was there.
+Diagnostics check(const RunRequest& request, const Rig& rig) {
+  if (!request.out.empty()) claim_folder(request.out, FolderContent::kRun);
+  return check_recording(request.sequence, reading_of(request, rig), rig);
 }
 
 // Of the events from `from` on: at most a thousand, of one millisecond.
@@ -53,34 +69,30 @@ RecordingRun::RecordingRun(RunRequest request, RunListeners listeners)
       listeners_(std::move(listeners)),
       summary_{request_.sequence.string(), request_.preset, {}, 0, 0, {}},
       rig_(rig_of(request_, summary_.diagnostics)),
-      reader_(reader_of(request_, rig_)),
+      checks_(check(request_, rig_)),
+      reader_(open_reader(request_.sequence, reading_of(request_, rig_))),
       recorder_(request_.out, rig_, request_.rate_hz),
       monitor_(rig_.camera.width, rig_.camera.height),
       undistort_(rig_.camera),
+      gyro_check_(rig_, undistort_),
       odometry_(rig_, request_.options) {
+  checks_.merge(summary_.diagnostics);
   if (!request_.out.empty()) prepare_output();
   odometry_.on_estimate([this](const Estimate& e) {
     const Sight sight = sight_of(e, undistort_);
     recorder_.add(e, sight);
+    gyro_check_.add(e);
     if (listeners_.estimate) listeners_.estimate(e);
     if (listeners_.sight) listeners_.sight(e, sight);
   });
 }
 
-// Creates the folder, or clears it of an earlier run, whose results must not pass for those of this one.
+// Clears the folder of an earlier run, whose results must not pass for those of this one.
 void RecordingRun::prepare_output() {
   const auto& dir = request_.out;
   std::error_code error;
-  std::filesystem::create_directories(dir, error);
-  if (error)
-    throw DataError(
-        fmt::format("{}: cannot be created: {}; give another folder", dir.string(), error.message()));
-  for (const char* name :
-       {"trajectory_camera.txt", "trajectory_imu.txt", "trajectory_camera_causal.txt",
-        "trajectory_imu_causal.txt", "states.csv", "states_causal.csv", "events_shown.bin", "lines.csv",
-        "lines.ply", "windows.csv", "stats.json", "rig_refined.yaml", "groundtruth_camera.txt",
-        "evaluation.json", "evaluation_causal.json", "report.html"})
-    std::filesystem::remove(dir / name, error);
+  for (const char* name : kRunFiles) std::filesystem::remove(dir / name, error);
+  for (const char* name : {"pictures", "frames"}) remove_pictures(dir / name);
   std::vector<OptionField> fields;
   list_fields(request_.options, fields);
   write_text_file(dir / "config.yaml", dump_options(fields));
@@ -96,16 +108,20 @@ void RecordingRun::push(const Packet& packet) {
     const auto piece = next_piece(packet.events, i);
     i += piece.size();
     if (request_.live) recorder_.wait_until_due(piece.back().t);
-    for (; sample != packet.imu.end() && sample->t <= piece.back().t + offset; ++sample)
-      odometry_.push(*sample);
+    for (; sample != packet.imu.end() && sample->t <= piece.back().t + offset; ++sample) push(*sample);
     odometry_.push(piece);
     monitor_.add(piece);
     summary_.events += std::ssize(piece);
     if (listeners_.progress)
       listeners_.progress({reader_->progress(), recorder_.data_s(), summary_.events, recorder_.lines()});
   }
-  for (; sample != packet.imu.end(); ++sample) odometry_.push(*sample);
+  for (; sample != packet.imu.end(); ++sample) push(*sample);
   if (reader_->imu_over()) odometry_.end_imu();
+}
+
+void RecordingRun::push(const ImuSample& sample) {
+  gyro_check_.add(sample);
+  odometry_.push(sample);
 }
 
 void RecordingRun::check_sensor() {
@@ -174,6 +190,15 @@ RecordingRun::Outcome RecordingRun::go() {
   monitor_.report(summary_.sequence, summary_.diagnostics);
   summary_.diagnostics.merge(reader_->diagnostics());
   summary_.diagnostics.merge(odometry_.diagnostics());
+  if (odometry_.started()) {
+    gyro_check_.report(summary_.diagnostics);
+    const TrackingFacts facts = recorder_.tracking();
+    const auto stages = odometry_.front_end_stages();
+    const bool at_rest = checks_.entries().contains("imu_still");
+    if (!at_rest) report_tracking(facts, stages ? stages->explanation() : "", summary_.diagnostics);
+    if (outcome.end == End::kDone && !at_rest && nothing_tracked(facts)) outcome.end = End::kNothingTracked;
+  }
+  summary_.diagnostics.merge_new(checks_);
   if (!write) return outcome;
   if (odometry_.started())
     figures_ =

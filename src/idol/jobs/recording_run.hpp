@@ -9,6 +9,7 @@
 
 #include "idol/io/event_monitor.hpp"
 #include "idol/io/reader.hpp"
+#include "idol/jobs/gyro_image_check.hpp"
 #include "idol/jobs/run_recorder.hpp"
 #include "idol/odometry/odometry.hpp"
 #include "idol/view/sight.hpp"
@@ -43,11 +44,12 @@ struct RunListeners {
 
 class RecordingRun {
  public:
-  /// Opens recording and rig, and clears `out` of the results of an earlier run. Throws DataError and
+  /// Opens recording and rig, looks at the recording's beginning, and clears `out` of the results of an
+  /// earlier run. Throws DataError, also where that beginning shows that the run is impossible, and
   /// UsageError.
   RecordingRun(RunRequest request, RunListeners listeners);
 
-  enum class End { kDone, kBadData, kInterrupted };
+  enum class End { kDone, kBadData, kInterrupted, kNothingTracked };
   struct Outcome {
     End end = End::kDone;
     std::string message;  ///< why it is not kDone
@@ -59,6 +61,8 @@ class RecordingRun {
   [[nodiscard]] const Rig& rig() const { return rig_; }
   [[nodiscard]] const Odometry& odometry() const { return odometry_; }
   [[nodiscard]] const RunRecorder& recorder() const { return recorder_; }
+  /// What was found before the run began.
+  [[nodiscard]] const Diagnostics& checks() const { return checks_; }
   /// After go(): all that was odd.
   [[nodiscard]] const Diagnostics& diagnostics() const { return summary_.diagnostics; }
   /// After go(): the text of stats.json.
@@ -71,6 +75,7 @@ class RecordingRun {
   void prepare_output();
   Outcome feed();
   void push(const Packet& packet);
+  void push(const ImuSample& sample);
   void check_sensor();
   [[nodiscard]] Outcome explain_no_estimate() const;
   void write_backdrops();
@@ -79,11 +84,13 @@ class RecordingRun {
   RunListeners listeners_;
   RunRecorder::Summary summary_;
   Rig rig_;
+  Diagnostics checks_;
   std::unique_ptr<Reader> reader_;
   RunRecorder recorder_;
   EventMonitor monitor_;
   std::string figures_;
   UndistortMap undistort_;
+  GyroImageCheck gyro_check_;
   Odometry odometry_;  // last: its thread calls the listeners and the recorder
 };
 

@@ -8,6 +8,8 @@
 #include <thread>
 #include <utility>
 
+#include "idol/base/median.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/text_writer.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/version.hpp"
@@ -77,7 +79,12 @@ double peak_rss_mb() {
 }  // namespace
 
 RunRecorder::RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_hz)
-    : dir_(std::move(dir)), rig_(rig), rate_hz_(rate_hz), event_log_(rig.camera.width, rig.camera.height) {}
+    : dir_(std::move(dir)), rig_(rig), rate_hz_(rate_hz), event_log_(rig.camera.width, rig.camera.height) {
+  constexpr double kMost = 1e6;  // beyond it, poses are nearer to each other than any clock tells
+  if (!(rate_hz >= 0 && rate_hz <= kMost))
+    throw UsageError(
+        fmt::format("a rate of {} Hz for the trajectories: up to {:.0f} Hz is possible", rate_hz, kMost));
+}
 
 void RunRecorder::publish(const Estimate& e) {
   const Time first = rows_.empty() ? e.window.begin : rows_.front().begin();
@@ -137,6 +144,29 @@ std::optional<RunRecorder::Latency> RunRecorder::latency() const {
   if (sorted.empty()) return std::nullopt;
   std::sort(sorted.begin(), sorted.end());
   return Latency{sorted[sorted.size() / 2], sorted[sorted.size() * 99 / 100], sorted.back()};
+}
+
+TrackingFacts RunRecorder::tracking() const {
+  constexpr std::size_t kFew = 3;  // lines that hold a pose in some directions at least
+  constexpr double kShare =
+      0.2;  // of the segments: of what moves as expected, four in five are landmarks soon
+  TrackingFacts facts;
+  std::vector<double> speeds;
+  for (const Row& row : rows_) {
+    facts.duration_s += row.duration_s;
+    facts.events += static_cast<std::int64_t>(row.events);
+    facts.noise += row.counts.hot + row.counts.unsupported;
+    if (row.segments >= kFew) {
+      facts.moving_s += row.duration_s;
+      speeds.push_back(row.speed_px_s);
+    }
+    if (row.lines_seen >= kFew &&
+        static_cast<double>(row.lines_seen) >= kShare * static_cast<double>(row.segments))
+      facts.tracked_s += row.duration_s;
+  }
+  if (!rows_.empty()) facts.restarts = rows_.back().stats.restarts;
+  if (!speeds.empty()) facts.median_speed_px_s = median(speeds);
+  return facts;
 }
 
 // From the first event on.
@@ -236,10 +266,7 @@ void RunRecorder::write_windows() const {
 
 void RunRecorder::write_pictures() const {
   const auto folder = dir_ / "pictures";
-  std::error_code error;
-  std::filesystem::remove_all(folder, error);
-  std::filesystem::create_directories(folder, error);
-  if (error) throw DataError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
+  claim_and_clear_pictures(folder);
   for (const auto& shot : snapshots_) {
     const double t = seconds_between(snapshots_.front().t, shot.t);
     write_png(
@@ -294,7 +321,8 @@ std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& sum
   stats["warnings"] = nlohmann::ordered_json::object();
   for (const auto& [kind, entry] : summary.diagnostics.entries())
     stats["warnings"][kind] = {{"message", entry.first_message}, {"count", entry.count}};
-  return stats.dump(2) + "\n";
+  // A path need not be UTF-8, as JSON must be.
+  return stats.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace idol

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "idol/jobs/tracking_verdict.hpp"
 #include "idol/odometry/odometry.hpp"
 #include "idol/report/event_log.hpp"
 #include "idol/report/picture.hpp"
@@ -55,6 +56,7 @@ class RunRecorder {
   /// Empty without an estimate.
   [[nodiscard]] Trajectories trajectories(const Odometry& odometry) const;
 
+  [[nodiscard]] TrackingFacts tracking() const;
   [[nodiscard]] std::size_t windows() const { return rows_.size(); }
   /// Length of what has been estimated so far [s].
   [[nodiscard]] double data_s() const {
@@ -104,7 +106,7 @@ class RunRecorder {
   double rate_hz_;
   std::vector<NavState> causal_;
   Trajectory causal_camera_;
-  mutable std::mutex rows_mutex_;      // the thread that reads asks how far it is
+  mutable std::mutex rows_mutex_;  // the thread that reads asks how far it is
   std::vector<Row> rows_;
   SegmenterCounts counts_;
   EventLog event_log_;

@@ -42,6 +42,11 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
     truth = recording->groundtruth();
     if (!truth) return {};
     of_imu = recording->truth_of_imu();
+    if (const auto lost = recording->lost_poses(); lost > 0)
+      diagnostics.warn("lost_truth",
+                       fmt::format("{}: poses of the ground truth that its capture had lost are left out",
+                                   sequence.string()),
+                       lost);
   } catch (const std::runtime_error& e) {  // DataError, UsageError
     diagnostics.warn("bad_groundtruth", fmt::format("{}; the run is not compared with it", e.what()));
     return {};
@@ -70,7 +75,10 @@ std::string judge_against_truth(const std::filesystem::path& sequence, const Str
   Trajectory shown = part_of(*truth, estimate.front().t, estimate.back().t);
   if (of_imu)
     for (StampedPose& pose : shown) pose = {pose.t - from_seconds(rig.time_offset_s), pose.T * rig.T_i_c};
-  write_trajectory(out / "groundtruth_camera.txt", shown);
+  // Positions alone make no poses to be shown.
+  if (std::all_of(shown.begin(), shown.end(),
+                  [](const StampedPose& p) { return p.T.q.coeffs().allFinite(); }))
+    write_trajectory(out / "groundtruth_camera.txt", shown);
   return full_figures(*smoothed);
 }
 

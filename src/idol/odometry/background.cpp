@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "idol/base/diagnostics.hpp"
+
 namespace idol {
 
 Background::Background(std::size_t most_waiting) : most_waiting_(most_waiting), thread_([this] { work(); }) {}
@@ -16,23 +18,28 @@ Background::~Background() {
 }
 
 void Background::run(std::function<void()> job) {
+  if (std::this_thread::get_id() == thread_.get_id())
+    throw UsageError("a listener must not push to the estimation that it is part of");
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return jobs_.size() < most_waiting_ || failure_; });
   rethrow();
+  if (failure_) throw UsageError("the estimation has ended with an error: make another Odometry");
   jobs_.push_back(std::move(job));
   lock.unlock();
   changed_.notify_all();
 }
 
 void Background::drain() {
+  if (std::this_thread::get_id() == thread_.get_id())
+    throw UsageError("a listener must not wait for the estimation that it is part of");
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return (jobs_.empty() && !busy_) || failure_; });
   rethrow();
 }
 
-// With the mutex held.
+// Once: not every exception can be thrown twice. With the mutex held.
 void Background::rethrow() {
-  if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
+  if (failure_ && !std::exchange(heard_, true)) std::rethrow_exception(failure_);
 }
 
 void Background::work() {

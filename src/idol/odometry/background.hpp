@@ -19,9 +19,10 @@ class Background {
   Background(const Background&) = delete;
   Background& operator=(const Background&) = delete;
 
-  /// Waits while too many jobs wait. Throws what an earlier job threw; jobs behind that one are dropped.
+  /// Waits while too many jobs wait. Throws what an earlier job threw, each time: no job is done behind that
+  /// one, which may have left things half done.
   void run(std::function<void()> job);
-  /// Waits for all jobs. Throws what one threw.
+  /// Waits for all jobs. Throws what one threw, once; UsageError in a job, which would wait for itself.
   void drain();
 
  private:
@@ -33,8 +34,9 @@ class Background {
   std::condition_variable changed_;
   std::deque<std::function<void()>> jobs_;
   bool busy_ = false, over_ = false;
-  std::exception_ptr failure_;
-  std::thread thread_;  // last: it uses all of the above
+  std::exception_ptr failure_;  // of the job that was the last
+  bool heard_ = false;          // by who waited or posted
+  std::thread thread_;          // last: it uses all of the above
 };
 
 }  // namespace idol

@@ -46,6 +46,7 @@ void shorten(EventWindow& window, Time end) {
 Odometry::Odometry(const Rig& rig, const Options& options)
     : rig_(rig),
       options_(options),
+      event_check_(InputCheck<Event>(rig.camera.width, rig.camera.height)),
       undistort_(rig.camera),
       imu_(options.imu.max_gap_s),
       windower_(options.window),
@@ -57,6 +58,7 @@ Odometry::Odometry(const Rig& rig, const Options& options)
 }
 
 void Odometry::push(const ImuSample& sample) {
+  if (!imu_check_.take(sample, diagnostics_)) return;
   imu_.push(sample);
   process_ready(false);
 }
@@ -64,6 +66,7 @@ void Odometry::push(const ImuSample& sample) {
 void Odometry::push(std::span<const Event> events) {
   const Time offset = from_seconds(rig_.time_offset_s);
   for (Event event : events) {
+    if (!event_check_.take(event, diagnostics_)) continue;
     event.t += offset;
     if (flicker_filter_)
       flicker_filter_->push(event, [this](const Event& e, bool is_flicker) { take(e, is_flicker); });
@@ -235,7 +238,15 @@ void Odometry::hand_over(std::shared_ptr<const Segmented> segmented) {
   if (background_)
     background_->run([this, segmented = std::move(segmented)] { estimate(*segmented); });
   else
-    estimate(*segmented);
+    estimate_here(*segmented);
+}
+
+// As in the second thread: what throws leaves things half done, and is the last.
+void Odometry::estimate_here(const Segmented& segmented) {
+  if (std::exchange(failed_, true))
+    throw UsageError("the estimation has ended with an error: make another Odometry");
+  estimate(segmented);
+  failed_ = false;
 }
 
 void Odometry::estimate(const Segmented& segmented) {

@@ -16,6 +16,7 @@
 #include "idol/backend/backend.hpp"
 #include "idol/backend/backend_options.hpp"
 #include "idol/base/diagnostics.hpp"
+#include "idol/base/input_check.hpp"
 #include "idol/base/options.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/base/types.hpp"
@@ -89,8 +90,11 @@ class Odometry {
   /// Called after each window: with one thread in that which pushes, with two in the back-end's, one call at
   /// a time.
   void on_estimate(std::function<void(const Estimate&)> listener) { listener_ = std::move(listener); }
-  /// Any chunk size; each stream in time order. Throws DataError on a start that cannot be used. Waits when
-  /// the back-end is some windows behind. IMU samples may come in bursts with one stamp (ImuBursts).
+  /// Any chunk size; each stream in time order. What cannot be used (pixels outside the rig, stamps that go
+  /// back or lie minutes ahead, values that are not finite) is left out and counted. Throws DataError on a
+  /// start that cannot be used, and what a listener or an estimation threw before: no more is estimated then.
+  /// Waits when the back-end is some windows behind. IMU samples may come in bursts with one stamp
+  /// (ImuBursts).
   void push(const ImuSample& sample);
   void push(std::span<const Event> events);
   /// Says that no IMU sample will come any more: what events still bring is dropped, not kept waiting.
@@ -98,7 +102,8 @@ class Odometry {
   /// Last, partial window and what waits for IMU data that will not come. Throws DataError when no start has
   /// been found.
   void finish();
-  /// Returns when all windows cut so far are estimated. Throws what their estimation threw.
+  /// Returns when all windows cut so far are estimated. Throws what their estimation threw; UsageError in a
+  /// listener, which would wait for itself.
   void wait();
 
   /// After wait() or finish() only, until the next push.
@@ -132,6 +137,7 @@ class Odometry {
   void start_when_known(bool last);
   void start(const ImuInit& init);
   void hand_over(std::shared_ptr<const Segmented> segmented);
+  void estimate_here(const Segmented& segmented);
   [[nodiscard]] bool image_moves() const;
   void estimate(const Segmented& segmented);
   [[nodiscard]] std::optional<NavState> newest() const;
@@ -148,6 +154,8 @@ class Odometry {
 
   Rig rig_;
   Options options_;
+  PushCheck<Event> event_check_;
+  PushCheck<ImuSample> imu_check_;
   UndistortMap undistort_;
   ImuBuffer imu_;
   std::optional<FlickerFilter> flicker_filter_;
@@ -169,6 +177,7 @@ class Odometry {
   Diagnostics diagnostics_, backend_diagnostics_;
   mutable std::mutex newest_mutex_;
   std::optional<NavState> newest_;
+  bool failed_ = false;                     // in estimate_here()
   std::unique_ptr<Background> background_;  // last: its jobs use all of the above
 };
 

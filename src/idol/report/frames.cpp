@@ -9,6 +9,7 @@
 #include "idol/base/diagnostics.hpp"
 #include "idol/io/line_reader.hpp"
 #include "idol/io/number.hpp"
+#include "idol/io/output_guard.hpp"
 #include "idol/io/trajectory_io.hpp"
 #include "idol/report/picture.hpp"
 
@@ -60,8 +61,7 @@ std::optional<Grey> read_grey_png(const fs::path& path, int width, int height) {
 
 std::size_t write_frames(FrameSource& frames, const Camera& camera, double offset_s, Time from, Time to,
                          std::size_t most, const fs::path& dir) {
-  std::error_code error;
-  fs::remove_all(dir, error);
+  remove_pictures(dir);
   const Time apart = (to - from) / static_cast<Time>(most) + 1;
   const std::vector<Vec2> at = raw_positions(camera);
   std::size_t written = 0;
@@ -69,8 +69,7 @@ std::size_t write_frames(FrameSource& frames, const Camera& camera, double offse
   for (Frame frame; frames.next(frame);) {
     const Time t = frame.t + from_seconds(offset_s);
     if (t < next || t > to || frame.width != camera.width || frame.height != camera.height) continue;
-    if (written == 0) fs::create_directories(dir, error);
-    if (error) throw DataError(fmt::format("{}: cannot be created: {}", dir.string(), error.message()));
+    if (written == 0) claim_and_clear_pictures(dir);
     write_png(dir / (format_stamp(t) + ".png"), camera.width, camera.height, PngPixels::kGrey,
               sampled(frame.grey, at, camera.width, camera.height).data());
     ++written;

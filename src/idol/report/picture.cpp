@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "idol/base/diagnostics.hpp"
+#include "idol/io/pending_file.hpp"
 
 namespace idol {
 namespace {
@@ -170,8 +171,10 @@ void write_png(const std::filesystem::path& path, int width, int height, PngPixe
   png.flags = PNG_IMAGE_FLAG_FAST;
   if (width <= 0 || height <= 0)
     throw DataError(fmt::format("{}: an image without pixels cannot be written", path.string()));
-  if (png_image_write_to_file(&png, path.c_str(), 0, pixels, 0, nullptr) == 0)
+  PendingFile file(path);
+  if (png_image_write_to_file(&png, file.path().c_str(), 0, pixels, 0, nullptr) == 0)
     throw DataError(fmt::format("{}: cannot be written: {}; is the disk full?", path.string(), png.message));
+  file.commit();
 }
 
 }  // namespace idol

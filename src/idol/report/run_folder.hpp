@@ -15,6 +15,26 @@
 
 namespace idol {
 
+/// The files that a run writes into its folder; besides, the folders `pictures` and `frames`.
+inline constexpr const char* kRunFiles[] = {"trajectory_camera.txt",
+                                            "trajectory_imu.txt",
+                                            "trajectory_camera_causal.txt",
+                                            "trajectory_imu_causal.txt",
+                                            "states.csv",
+                                            "states_causal.csv",
+                                            "events_shown.bin",
+                                            "lines.csv",
+                                            "lines.ply",
+                                            "windows.csv",
+                                            "stats.json",
+                                            "config.yaml",
+                                            "rig.yaml",
+                                            "rig_refined.yaml",
+                                            "groundtruth_camera.txt",
+                                            "evaluation.json",
+                                            "evaluation_causal.json",
+                                            "report.html"};
+
 /// Columns of a CSV file by the name in its header. Entries that are not numbers are NaN.
 struct CsvColumns {
   std::vector<Time> t;  ///< the column `t`
@@ -24,8 +44,8 @@ struct CsvColumns {
   [[nodiscard]] const std::vector<double>* find(const std::string& name) const;
 };
 
-/// Everything is empty where its file is missing or damaged; `notes` then says so. All stamps are by the IMU's
-/// clock.
+/// Everything is empty where its file is missing or damaged; `notes` then says so. All stamps are by the
+/// IMU's clock.
 struct RunFolder {
   Trajectory camera, imu, camera_causal, imu_causal;
   Trajectory groundtruth;  ///< of the camera

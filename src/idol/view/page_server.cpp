@@ -35,6 +35,7 @@ struct PageServer::Server {
   int port = 0;
   std::map<std::string, Resource> resources;
   std::atomic<int> streams = 0;
+  std::atomic<bool> over = false;  // it does not listen any more, or never did
   std::thread thread;
 
   [[nodiscard]] bool is_own(const httplib::Request& request) const {
@@ -125,9 +126,17 @@ void PageServer::start() {
                     [server = server_.get()](const httplib::Request& request, httplib::Response& response) {
                       server->answer(request, response);
                     });
-  server_->thread = std::thread([server = server_.get()] { server->http.listen_after_bind(); });
+  server_->thread = std::thread([server = server_.get()] {
+    server->http.listen_after_bind();
+    server->over = true;
+  });
   // Only then can it be stopped.
-  while (!server_->http.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  while (!server_->http.is_running() && !server_->over)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  if (!server_->over) return;
+  server_->thread.join();
+  throw UsageError(
+      fmt::format("port {} of {} does not take connections; give another one with --port", port(), kHost));
 }
 
 void PageServer::stop() {
