@@ -38,7 +38,10 @@ struct BackendOptions {
   int few_lines = 20;
   double redetect_px = 2.5;
   int max_resting_lines = 30;
-  double last_pass_s = 60;
+  double last_pass_s = 600;
+  double blind_s = 2;
+  double max_speed = 150;
+  double max_accel_bias = 3;
   double batch_s = 24;
   int lag_windows = 20;
   int max_iterations = 4;
@@ -104,6 +107,12 @@ struct BackendOptions {
           "lines out of sight that are remembered");
     visit("last_pass_s", self.last_pass_s, Range{0, 1e6},
           "recordings up to this length get a last pass over everything, for the smoothed trajectory [s]");
+    visit("blind_s", self.blind_s, Range{0.1, 1e6},
+          "so long in motion without a line of the map, and tracking is lost: the IMU alone drifts [s]");
+    visit("max_speed", self.max_speed, Range{0.1, 1e6},
+          "a faster estimate means that tracking is lost, not that the camera is so fast [m/s]");
+    visit("max_accel_bias", self.max_accel_bias, Range{0.1, 100},
+          "so does a larger bias of the accelerometer [m/s^2]");
     visit("batch_s", self.batch_s, Range{0, 1e6},
           "full batch until this time since the start (paper VI) [s]");
     visit("lag_windows", self.lag_windows, Range{2, 1e6},

@@ -17,7 +17,6 @@ constexpr double kEnoughAtLast = 1e-4;
 constexpr double kEnoughToSettle = 1e-5;
 constexpr int kIterationsToSettle = 30;
 constexpr std::size_t kLagToSettle = 3;  // times the usual
-constexpr double kFastest = 30;          // that a camera in a hand can be [m/s]
 
 }  // namespace
 
@@ -35,16 +34,16 @@ FixedLag::FixedLag(const Rig& rig, const BackendOptions& options)
 // accelerometer's bias.
 void FixedLag::start(const NavState& first, bool still) {
   states_ = {first};
-  set_prior(first, still);
+  set_prior(first, still, options_.start_pose_sigma, options_.start_pose_sigma);
   gauge_ = prior_;
   settled_ = still;
 }
 
-void FixedLag::set_prior(const NavState& first, bool still) {
+void FixedLag::set_prior(const NavState& first, bool still, double position_sigma, double yaw_sigma) {
   constexpr double kTilt = 0.1;
   constexpr double kMounting = 0.006, kFocal = 0.003;
   StateVec sigma;
-  sigma << Vec3::Constant(options_.start_pose_sigma), kTilt, kTilt, options_.start_pose_sigma,
+  sigma << Vec3::Constant(position_sigma), kTilt, kTilt, yaw_sigma,
       Vec3::Constant(still ? options_.start_velocity_sigma : options_.moving_velocity_sigma),
       Vec3::Constant(still ? options_.gyro_bias_sigma : options_.moving_gyro_bias_sigma),
       Vec3::Constant(options_.accel_bias_sigma), options_.time_shift_sigma, options_.event_lag_sigma_px;
@@ -148,12 +147,15 @@ SolveStats FixedLag::solve() {
 }
 
 // Long without a known line while moving, or with lines that are not where they should be; or a state that no
-// camera in a hand can have.
+// camera can have.
 bool FixedLag::lost() const {
-  constexpr double kBlind = 2.0, kMisfit = 0.4, kBias = 3;
-  const NavState& now = states_.back();
-  return blind_s_ > kBlind || misfit_s_ > kMisfit || !now.T_w_i.p.allFinite() ||
-         !(now.v_w.norm() < kFastest) || !(now.bias.accel.norm() < kBias);
+  constexpr double kMisfit = 0.4;  // [s]
+  return blind_s_ > options_.blind_s || misfit_s_ > kMisfit || diverged(states_.back()) ||
+         !(states_.back().bias.accel.norm() < options_.max_accel_bias);
+}
+
+bool FixedLag::diverged(const NavState& state) const {
+  return !state.T_w_i.p.allFinite() || !(state.v_w.norm() < options_.max_speed);
 }
 
 // Of the known lines in sight, many contradict the state.
@@ -175,14 +177,16 @@ bool FixedLag::knows_velocity() const {
   return covariance_ && covariance_->block<3, 3>(6, 6).diagonal().cwiseSqrt().maxCoeff() < kSigma;
 }
 
-// Goes on from the last believable pose with a new map and an unknown velocity. From a start that came to
-// nothing only the turns since then are believed.
+// Goes on from the last believable pose with an unknown velocity. The map stays, out of the problem: lines
+// that are found again correct the pose, which is known as well as it can be after such a time by the IMU.
+// From a start that came to nothing only the turns since then are believed.
 void FixedLag::restart() {
-  constexpr double kGyroBias = 0.05;
+  constexpr double kGyroBias = 0.1;              // [rad/s] at switch-on, no unit has more
+  constexpr double kPosition = 0.5, kYaw = 0.1;  // sigmas of the pose [m], [rad]
   ++restarts_;
   blind_s_ = misfit_s_ = 0;
   NavState now = states_.back();
-  const bool absurd = !now.T_w_i.p.allFinite() || !(now.v_w.norm() < kFastest);
+  const bool absurd = diverged(now);
   if (!settled_) {
     const NavState& first = states_[begun_];
     now.T_w_i.q = (gauge_.state().T_w_i.q * first.T_w_i.q.inverse() * now.T_w_i.q).normalized();
@@ -192,15 +196,27 @@ void FixedLag::restart() {
   const NavState& believable = states_[first_];
   if (absurd) {
     now.T_w_i = believable.T_w_i;
-    now.v_w = believable.v_w.norm() < 3 ? believable.v_w : Vec3::Zero();
+    now.v_w = diverged(believable) ? Vec3(Vec3::Zero()) : believable.v_w;
   }
   if (!(now.bias.accel.norm() < 1)) now.bias.accel.setZero();
   if (!(now.bias.gyro.norm() < kGyroBias)) now.bias.gyro = gauge_.state().bias.gyro;
+  if (settled_ && !absurd) {
+    std::vector<LineId> all;
+    for (const auto& [id, at] : prior_.lines()) all.push_back(id);
+    archive(prior_.reduced({}), all);
+  }
   states_.back() = now;
   first_ = begun_ = states_.size() - 1;
-  tracks_.clear();
+  for (auto& [id, track] : tracks_) release(track);
+  std::erase_if(tracks_, [](const auto& entry) { return !entry.second.archived; });
+  for (auto& [id, track] : tracks_) {
+    track.seen.clear();
+    track.tie.reset();
+  }
   alias_.clear();
-  set_prior(now, false);
+  proposed_.clear();
+  set_prior(now, false, map_.size() > 0 ? kPosition : options_.start_pose_sigma,
+            map_.size() > 0 ? kYaw : options_.start_pose_sigma);
   gauge_ = prior_;
   covariance_.reset();
   settled_ = false;
@@ -325,10 +341,12 @@ SolveStats FixedLag::finish() {
   // By descending id a line that was continued more than once hands on everything.
   for (auto it = tracks_.rbegin(); it != tracks_.rend(); ++it) {
     Track& track = it->second;
-    const auto take = [&](std::vector<Observation>& past) {
-      track.seen.insert(track.seen.begin(), std::make_move_iterator(past.begin()),
-                        std::make_move_iterator(past.end()));
-      past.clear();
+    const auto take = [&](std::vector<PastObservation>& past) {
+      std::vector<Observation> before;
+      for (const PastObservation& seen : past) before.push_back(seen.observation());
+      track.seen.insert(track.seen.begin(), std::make_move_iterator(before.begin()),
+                        std::make_move_iterator(before.end()));
+      std::vector<PastObservation>().swap(past);
     };
     take(track.past);
     while (track.tie) {

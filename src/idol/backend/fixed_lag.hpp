@@ -2,6 +2,8 @@
 // in a marginal prior (docs/backend.md). Lines out of sight stay in the prior and are found again.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -43,6 +45,20 @@ class FixedLag : public Backend {
     std::vector<LineBin> bins;
     bool rejected = false;
   };
+  // The same in half the memory: a long journey keeps many.
+  struct PastObservation {
+    explicit PastObservation(const Observation& seen);
+    [[nodiscard]] Observation observation() const;
+
+   private:
+    struct Bin {
+      std::array<float, 9> px;  // a, b, their headings; scatter
+      std::int32_t slot, count;
+    };
+    std::uint32_t window_;
+    bool rejected_;
+    std::vector<Bin> bins_;
+  };
   // A line of the map that a track was found to be, as a factor on the track's coordinates.
   struct MapTie {
     ArchivedLine source;
@@ -70,9 +86,9 @@ class FixedLag : public Backend {
     std::optional<MapTie> tie;
     std::optional<DepthPrior> depth_prior;
     AnchoredLine line;
-    std::vector<Observation> seen;  // in the active windows
-    std::vector<Observation> past;  // before them, for the last pass
-    EventMeasurement end_a, end_b;  // of the newest observation
+    std::vector<Observation> seen;      // in the active windows
+    std::vector<PastObservation> past;  // before them, for the last pass
+    EventMeasurement end_a, end_b;      // of the newest observation
     std::vector<double> low, high;  // of recent observations' ends, along the line from the anchor's a [m]
     double from = 0, to = 0;        // extent that these say
     std::size_t first_window = 0, last_window = 0;
@@ -170,6 +186,7 @@ class FixedLag : public Backend {
   void marginalise_oldest();
   void drop_past();
   [[nodiscard]] bool lost() const;
+  [[nodiscard]] bool diverged(const NavState& state) const;
   [[nodiscard]] bool newest_misfits() const;
   // A line of the map that the newest window has seen.
   [[nodiscard]] bool in_sight(const Track& track) const {
@@ -177,7 +194,7 @@ class FixedLag : public Backend {
   }
   [[nodiscard]] bool knows_velocity() const;
   void restart();
-  void set_prior(const NavState& first, bool still);
+  void set_prior(const NavState& first, bool still, double position_sigma, double yaw_sigma);
   void forget();
   void cull();
   void measure_extents();

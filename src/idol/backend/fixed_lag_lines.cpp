@@ -127,7 +127,6 @@ bool FixedLag::fit(const Track& track, const Eigen::Matrix4d& prior, AnchoredLin
 // From several depths. Accepted once the bins agree on it and say how far it is: the parallax must leave the
 // line's own plane.
 bool FixedLag::triangulate(Track& track) const {
-  constexpr double kNearest = 0.1, kFarthest = 50;  // [m]
   const double typical = typical_depth();
   for (double factor : {1.0, 0.5, 2.0}) {
     AnchoredLine line = new_line(track, factor * typical);
@@ -135,7 +134,7 @@ bool FixedLag::triangulate(Track& track) const {
     double rms = 0;
     if (!fit(track, Eigen::Matrix4d::Zero(), line, H, rms) || !(rms < options_.create_rms_px)) continue;
     const double rho = 0.5 * (line.coordinates[1] + line.coordinates[3]);
-    if (!(rho > 1 / kFarthest && rho < 1 / kNearest && knows_depth(line, H))) continue;
+    if (!line.finite() || !knows_depth(line, H)) continue;
     if (line.coordinates[1] < 0.2 * rho || line.coordinates[3] < 0.2 * rho) continue;
     track.line = line;
     return true;

@@ -175,16 +175,37 @@ void FixedLag::marginalise_oldest() {
     // In the order of windows; pieces of a line give it several observations in one.
     const auto active = std::find_if(track.seen.begin(), track.seen.end(),
                                      [&](const Observation& o) { return o.window >= first_; });
-    std::move(track.seen.begin(), active, std::back_inserter(track.past));
+    for (auto seen = track.seen.begin(); seen != active; ++seen) track.past.emplace_back(*seen);
     track.seen.erase(track.seen.begin(), active);
   }
   if (!keeps_past()) drop_past();
 }
 
+FixedLag::PastObservation::PastObservation(const Observation& seen)
+    : window_(static_cast<std::uint32_t>(seen.window)), rejected_(seen.rejected) {
+  bins_.reserve(seen.bins.size());
+  for (const LineBin& bin : seen.bins) {
+    Bin& out = bins_.emplace_back(Bin{{}, bin.slot, bin.count});
+    std::size_t k = 0;
+    for (const Vec2* v : {&bin.a_px, &bin.b_px, &bin.a_heading, &bin.b_heading})
+      for (const double x : *v) out.px[k++] = static_cast<float>(x);
+    out.px[k] = static_cast<float>(bin.scatter_px);
+  }
+}
+
+FixedLag::Observation FixedLag::PastObservation::observation() const {
+  Observation out{window_, {}, rejected_};
+  for (const Bin& bin : bins_) {
+    const auto at = [&](std::size_t k) { return Vec2(bin.px[k], bin.px[k + 1]); };
+    out.bins.push_back({at(0), at(2), at(4), at(6), bin.slot, bin.count, bin.px[8]});
+  }
+  return out;
+}
+
 // Only the states stay: memory hardly grows with the length of a run. (Assigning {} to a vector would keep
 // it.)
 void FixedLag::drop_past() {
-  for (auto& [id, track] : tracks_) std::vector<Observation>().swap(track.past);
+  for (auto& [id, track] : tracks_) std::vector<PastObservation>().swap(track.past);
   for (; dropped_ < first_; ++dropped_) {
     windows_[dropped_].imu.reset();  // of a window left behind by a restart
     inertial_[dropped_].reset();
