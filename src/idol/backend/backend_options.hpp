@@ -44,6 +44,7 @@ struct BackendOptions {
   int max_iterations = 4;
   bool use_rest = true;
   bool refine_calibration = true;
+  bool find_time_offset = true;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.01;
@@ -113,6 +114,9 @@ struct BackendOptions {
     visit("refine_calibration", self.refine_calibration, Range{},
           "estimate the camera's rotation in the IMU's frame (wrong by up to 5 deg) and focal length (by up "
           "to 2 %) too");
+    visit("find_time_offset", self.find_time_offset, Range{},
+          "in the first second of motion, look for a rig's time offset that is wrong by up to 150 ms, and "
+          "correct it (fixed_lag)");
     visit("gravity", self.gravity, Range{9, 10.5}, "[m/s^2]");
     visit(
         "start_pose_sigma", self.start_pose_sigma, Range{1e-9, 100},
