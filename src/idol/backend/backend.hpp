@@ -79,6 +79,10 @@ class Backend {
   /// clock, and placed by the time shift that was found.
   [[nodiscard]] StampedPose camera_pose(const NavState& state) const;
   [[nodiscard]] const Projection& projection() const { return projection_; }
+  /// The rig's, and what windows were re-timed by: t_imu = t_camera + this + NavState::time_shift [s].
+  [[nodiscard]] double time_offset_s() const { return time_offset_s_; }
+  /// From the next window on, windows come re-timed by so much more [s].
+  void add_time_offset(double s) { time_offset_s_ += s; }
 
  protected:
   struct Window {

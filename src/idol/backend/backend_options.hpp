@@ -48,6 +48,7 @@ struct BackendOptions {
   bool use_rest = true;
   bool refine_calibration = true;
   bool refine_imu = true;
+  bool find_time_offset = true;
   double gravity = 9.81;
   double start_pose_sigma = 1e-4;
   double start_velocity_sigma = 0.01;
@@ -125,6 +126,9 @@ struct BackendOptions {
           "to 2 %) too");
     visit("refine_imu", self.refine_imu, Range{},
           "estimate the IMU's scale errors, misaligned axes and rates by specific force too");
+    visit("find_time_offset", self.find_time_offset, Range{},
+          "in the first second of motion, look for a rig's time offset that is wrong by up to 150 ms, and "
+          "correct it (fixed_lag)");
     visit("gravity", self.gravity, Range{9, 10.5}, "[m/s^2]");
     visit(
         "start_pose_sigma", self.start_pose_sigma, Range{1e-9, 100},

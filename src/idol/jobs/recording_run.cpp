@@ -170,8 +170,8 @@ void RecordingRun::write_backdrops() {
   const auto& states = odometry_.smoother().states();
   try {
     if (const auto frames = open_recording(request_.sequence, request_.choice)->frames())
-      write_frames(*frames, rig_.camera, rig_.time_offset_s, states.front().t, states.back().t, kMostFrames,
-                   request_.out / "frames");
+      write_frames(*frames, rig_.camera, odometry_.smoother().time_offset_s(), states.front().t,
+                   states.back().t, kMostFrames, request_.out / "frames");
   } catch (const std::runtime_error& e) {  // DataError, UsageError
     summary_.diagnostics.warn("bad_frames", e.what());
   }

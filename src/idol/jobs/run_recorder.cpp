@@ -89,14 +89,18 @@ RunRecorder::RunRecorder(std::filesystem::path dir, const Rig& rig, double rate_
 void RunRecorder::publish(const Estimate& e) {
   const Time first = rows_.empty() ? e.window.begin : rows_.front().begin();
   if (causal_.empty() && !e.stats.settled && seconds_between(first, e.state.t) < kLongestWait) return;
+  const std::size_t published = causal_.size();
   if (rate_hz_ > 0) {
     const Time after = causal_.empty() ? e.window.begin - 1 : causal_.back().t;
     for (Time t : ticks(after, e.state.t, rate_hz_)) causal_.push_back(e.smoother.state_at(t));
   } else {
     causal_.push_back(e.state);
   }
-  for (std::size_t k = causal_camera_.size(); k < causal_.size(); ++k)
-    causal_camera_.push_back(e.smoother.camera_pose(causal_[k]));
+  for (std::size_t k = published; k < causal_.size(); ++k) {
+    const StampedPose pose = e.smoother.camera_pose(causal_[k]);
+    // The camera's clock steps back where the time offset is corrected; what was published stays.
+    if (causal_camera_.empty() || pose.t > causal_camera_.back().t) causal_camera_.push_back(pose);
+  }
 }
 
 void RunRecorder::add(const Estimate& e, const Sight& sight) {
@@ -116,7 +120,7 @@ void RunRecorder::add(const Estimate& e, const Sight& sight) {
   counts_ = e.counts;
   if (const auto covariance = e.smoother.covariance()) row.sigma = covariance->diagonal().cwiseSqrt();
   if (replay_ && !e.window.events.empty()) {
-    const Time last = e.window.events.back().t - from_seconds(rig_.time_offset_s);
+    const Time last = e.window.events.back().t - from_seconds(e.smoother.time_offset_s());
     row.latency_s = std::chrono::duration<double>(Clock::now() - replay_->begin).count() -
                     seconds_between(replay_->first, last);
   }
@@ -234,7 +238,7 @@ void RunRecorder::write_trajectories(const Odometry& odometry) const {
   Rig refined = rig_;
   refined.T_i_c = smoother.projection().T_i_c;
   refined.camera = smoother.projection().camera;
-  refined.time_offset_s += smoother.latest().time_shift;
+  refined.time_offset_s = smoother.time_offset_s() + smoother.latest().time_shift;
   write_text_file(dir_ / "rig_refined.yaml", rig_to_yaml(refined));
   const auto lines = smoother.lines();
   write_lines_csv(dir_ / "lines.csv", lines);
@@ -307,7 +311,8 @@ std::string RunRecorder::stats_json(const Odometry& odometry, const Summary& sum
                         {"unsupported", counts.unsupported}, {"thinned", counts.thinned}};
   if (const auto stages = odometry.front_end_stages()) stats["front_end"]["stages"] = stages_json(*stages);
   if (odometry.started()) {
-    stats["time_shift_s"] = odometry.smoother().latest().time_shift;
+    stats["time_shift_s"] =
+        odometry.smoother().time_offset_s() + odometry.smoother().latest().time_shift - rig_.time_offset_s;
     stats["event_lag_px"] = odometry.smoother().latest().event_lag_px;
   }
   if (const auto live = latency())

@@ -3,36 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
-#include "idol/backend/fixed_lag.hpp"
-#include "idol/backend/line_moments.hpp"
-#include "idol/backend/smoother.hpp"
+#include "idol/base/stopwatch.hpp"
 
 namespace idol {
 namespace {
-
-class Stopwatch {
- public:
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    return std::chrono::duration<double>(now - std::exchange(last_, now)).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 constexpr std::size_t kMostWaiting = 4;  // windows between the front-end and the back-end
 constexpr double kImuTail = 0.05;        // [s]: events after the last IMU sample that nobody will miss
 constexpr double kShortestWindow =
     0.005;  // [s]: what is left at the end of the data and shorter is not estimated
-
-std::unique_ptr<Backend> make_backend(const Rig& rig, const BackendOptions& options) {
-  if (options.method == BackendMethod::kFixedLag) return std::make_unique<FixedLag>(rig, options);
-  return std::make_unique<Smoother>(rig, options);
-}
 
 // Ends the window earlier.
 void shorten(EventWindow& window, Time end) {
@@ -51,8 +32,9 @@ Odometry::Odometry(const Rig& rig, const Options& options)
       imu_(options.imu.max_gap_s),
       windower_(options.window),
       segmenter_(make_segmenter(options.segment, undistort_)),
-      smoother_(make_backend(rig, options.backend)),
-      motion_(rig.camera.width, rig.camera.height) {
+      estimator_(rig, options, undistort_) {
+  if (options.backend.find_time_offset && options.backend.method == BackendMethod::kFixedLag)
+    offset_search_ = std::make_unique<TimeOffsetSearch>(rig_, options_, undistort_, imu_);
   if (options.filter.flicker) flicker_filter_.emplace(rig.camera.width, rig.camera.height);
   if (options.pipeline.threads > 1) background_ = std::make_unique<Background>(kMostWaiting);
 }
@@ -99,10 +81,10 @@ void Odometry::finish() {
     waiting_ = std::move(window);
     process_ready(true);
   }
-  start_when_known(true);
+  take_up(true);
   wait();
   if (!started_ && !start_failure_.empty()) throw DataError(start_failure_);
-  if (started()) smoother_->finish();
+  if (started()) estimator_.backend().finish();
 }
 
 void Odometry::wait() {
@@ -116,17 +98,17 @@ void Odometry::process_ready(bool last) {
     const EventWindow& window = *waiting_;
     if (imu_.empty()) {
       if (!last) return;
-    } else if (window.begin < imu_.front_time() && !started_) {
+    } else if (window.begin + correction_ < imu_.front_time() && !started_) {
       diagnostics_.warn("events_before_imu",
                         fmt::format("the IMU starts at {:.3f} s: earlier events are not used",
                                     static_cast<double>(imu_.front_time()) / kNsPerS));
       waiting_.reset();
       continue;
     }
-    if (!imu_.covers(window.end, last ? 1 : options_.imu.margin_samples)) {
+    if (!imu_.covers(window.end + correction_, last ? 1 : options_.imu.margin_samples)) {
       if (!last) return;
-      if (!imu_.empty() && seconds_between(window.begin, imu_.back_time()) > kShortestWindow) {
-        shorten(*waiting_, imu_.back_time());
+      if (!imu_.empty() && seconds_between(window.begin + correction_, imu_.back_time()) > kShortestWindow) {
+        shorten(*waiting_, imu_.back_time() - correction_);
         continue;
       }
       drop_waiting();
@@ -142,12 +124,11 @@ void Odometry::prepare() {
   if (!started_) return;
   const EventWindow& window = waiting_ ? *waiting_ : windower_.open();
   if (window.events.empty()) return;
-  const Time until = std::min(window.events.back().t, imu_.back_time());
+  const Time until = std::min(window.events.back().t, imu_.back_time() - correction_);
   if (until <= window.begin || until < prepared_ + kEvery) return;
   prepared_ = until;
   Stopwatch watch;
-  segmenter_->prepare(window,
-                      camera_rates(imu_.slice(window.begin, until, options_.imu.margin_samples), rig_));
+  segmenter_->prepare(window, rates_of(imu_samples(window.begin + correction_, until + correction_)));
   prepare_s_ += watch.lap();
 }
 
@@ -155,7 +136,7 @@ void Odometry::prepare() {
 void Odometry::drop_waiting() {
   if (imu_.empty()) {
     diagnostics_.warn("no_imu", "there is no IMU data: nothing is estimated");
-  } else if (seconds_between(imu_.back_time(), waiting_->end) > kImuTail) {
+  } else if (seconds_between(imu_.back_time(), waiting_->end + correction_) > kImuTail) {
     diagnostics_.warn("imu_ends_early", fmt::format("the IMU ends at {:.3f} s, before the events: nothing is "
                                                     "estimated after it",
                                                     static_cast<double>(imu_.back_time()) / kNsPerS));
@@ -164,258 +145,177 @@ void Odometry::drop_waiting() {
 }
 
 // The start is found from the first windows together; after a violent motion, from later ones.
-void Odometry::start_when_known(bool last) {
-  while (!started_ && !held_.empty()) {
+bool Odometry::find_start(bool last) {
+  while (!init_ && !held_.empty()) {
     const Time begin = held_.front()->window.begin, until = begin + from_seconds(options_.start.duration_s);
-    if (held_.back()->window.end < until && !last) return;
-    const auto samples = imu_.slice(begin, until, 0);
+    if (held_.back()->window.end < until && !last) return false;
     ImuInitOptions options = options_.start;
-    if (!options_.backend.use_rest || image_moves()) options.still_gyro_std = 0;  // whatever the IMU says
+    // Whatever the IMU says.
+    if (!options_.backend.use_rest || image_moves(until)) options.still_gyro_std = 0;
     try {
-      start(initialise_from_imu(samples, options_.backend.gravity, options));
+      init_ = initialise_from_imu(imu_.slice(begin, until, 0), options_.backend.gravity, options);
+      if (offset_search_) offset_search_->start(*init_, begin);
     } catch (const ViolentStart& e) {
       if (start_failure_.empty()) start_failure_ = e.what();
       held_.pop_front();
       if (!held_.empty()) imu_.drop_before(held_.front()->window.begin, 2 * options_.imu.margin_samples);
     }
   }
+  return init_.has_value();
 }
 
-// Steadily, so that the IMU alone would think it at rest. Something that passes before a camera at rest does
-// not fill the image.
-bool Odometry::image_moves() const {
+// Steadily, before `until`, so that the IMU alone would think it at rest. Something that passes before a
+// camera at rest does not fill the image.
+bool Odometry::image_moves(Time until) const {
   constexpr double kSpread = 0.4;  // of width and height
   ImageMotion motion(rig_.camera.width, rig_.camera.height);
   // What is noise and what is a line is known after a while.
   const Time known = held_.front()->window.begin + from_seconds(0.5 * options_.start.duration_s);
-  return std::any_of(held_.begin(), held_.end(), [&](const auto& segmented) {
+  for (const auto& segmented : held_) {
     motion.add(segmented->window, segmented->segments);
-    return segmented->window.end > known && motion.moves(kSpread);
-  });
+    if (segmented->window.end > known && motion.moves(kSpread)) return true;
+    if (segmented->window.end >= until) return false;
+  }
+  return false;
 }
 
-void Odometry::start(const ImuInit& init) {
-  NavState first;
-  first.t = held_.front()->window.begin;
-  first.T_w_i.q = init.q_w_i;
-  first.bias = init.bias;
-  smoother_->start(first, init.still);
+// Windows wait until the start is known, and in the first second of motion until the time offset is judged:
+// nothing but a rest has been estimated with a wrong one then.
+void Odometry::take_up(bool last) {
+  if (!find_start(last)) return;
+  for (; offset_search_ && searched_ < held_.size();) {
+    const auto progress = offset_search_->add(held_[searched_++]);
+    if (progress == TimeOffsetSearch::Progress::kResting) hand_over_held(last);
+    if (progress == TimeOffsetSearch::Progress::kJudged) correct_time_offset();
+  }
+  if (offset_search_ && last) {
+    offset_search_->judge();
+    correct_time_offset();
+  }
+  if (!offset_search_ && find_start(last)) hand_over_held(last);
+}
+
+// By what the search has found, from the windows that are held on.
+void Odometry::correct_time_offset() {
+  const double correction_s = offset_search_->correction_s();
+  offset_search_.reset();
+  if (correction_s == 0) return;
+  correction_ = from_seconds(correction_s);
+  diagnostics_.warn(
+      "time_offset",
+      fmt::format("camera and IMU stamps are {:.0f} ms apart beyond what the rig says "
+                  "(time offset {:.0f} ms): corrected to {:.0f} ms",
+                  1e3 * correction_s, 1e3 * rig_.time_offset_s, 1e3 * (rig_.time_offset_s + correction_s)));
+  for (auto& segmented : held_) {
+    shift(segmented->window, correction_);
+    segmented->samples.clear();
+  }
+  const Time from = started_ ? handed_over_until_ : imu_.front_time();
+  while (!held_.empty() && held_.front()->window.begin < from) held_.pop_front();
+  if (!started_) {
+    init_.reset();
+    estimator_.add_time_offset(correction_s);
+    return;
+  }
+  // From the end of the rest to the first window, the IMU alone.
+  if (!held_.empty() && held_.front()->window.begin > from) {
+    auto between = std::make_shared<Segmented>();
+    between->window.begin = from;
+    between->window.end = held_.front()->window.begin;
+    between->counts = held_.front()->counts;
+    held_.push_front(std::move(between));
+  }
+  run([this, correction_s] { estimator_.add_time_offset(correction_s); });
+}
+
+// As far as the IMU covers them: those that were moved may lie ahead of it.
+void Odometry::hand_over_held(bool last) {
+  if (!started_ && !held_.empty()) start();
+  for (; !held_.empty(); held_.pop_front()) {
+    auto& segmented = held_.front();
+    const EventWindow& window = segmented->window;
+    if (segmented->samples.empty()) {
+      if (!imu_.covers(window.end, last ? 1 : options_.imu.margin_samples)) break;
+      segmented->samples = imu_samples(window.begin, window.end);
+    }
+    handed_over_until_ = window.end;
+    run([this, segmented = std::shared_ptr<const Segmented>(std::move(segmented))] { estimate(*segmented); });
+  }
+  searched_ = 0;
+}
+
+void Odometry::start() {
+  const Time begin = held_.front()->window.begin;
+  estimator_.start(*init_, begin);
   started_ = true;
-  rest_.begin(init.still, first.t + from_seconds(options_.start.duration_s));
   if (!start_failure_.empty())
     diagnostics_.warn("late_start", fmt::format("nothing is estimated before {:.3f} s: {}",
-                                                static_cast<double>(first.t) / kNsPerS, start_failure_));
-  if (!init.still)
+                                                static_cast<double>(begin) / kNsPerS, start_failure_));
+  if (!init_->still)
     diagnostics_.warn("moving_start",
                       fmt::format("the recording does not start at rest (rate spread {:.3f} rad/s, force "
                                   "spread {:.2f} m/s^2): the first seconds may be poor",
-                                  init.gyro_std, init.accel_std));
-  for (auto& segmented : held_) hand_over(std::move(segmented));
-  held_.clear();
+                                  init_->gyro_std, init_->accel_std));
+}
+
+std::vector<ImuSample> Odometry::imu_samples(Time from, Time to) const {
+  return imu_.slice(from, to, options_.imu.margin_samples);
+}
+
+// By the front-end's clock: the camera's, with the rig's offset.
+std::vector<CameraRate> Odometry::rates_of(std::span<const ImuSample> samples) const {
+  std::vector<CameraRate> rates = camera_rates(samples, rig_);
+  for (CameraRate& rate : rates) rate.t -= correction_;
+  return rates;
 }
 
 // What the front-end makes of a window depends on nothing that the back-end finds: both can work at a time.
 void Odometry::segment(EventWindow&& window) {
   Stopwatch watch;
   auto done = std::make_shared<Segmented>();
-  done->samples = imu_.slice(window.begin, window.end, options_.imu.margin_samples);
-  done->segments = segmenter_->process(window, camera_rates(done->samples, rig_));
+  done->samples = imu_samples(window.begin + correction_, window.end + correction_);
+  done->segments = segmenter_->process(window, rates_of(done->samples));
   done->window = std::move(window);
+  if (correction_ != 0) shift(done->window, correction_);
   done->counts = segmenter_->counts();
   done->segment_s = watch.lap() + std::exchange(prepare_s_, 0);
-  if (!started_) {
-    held_.push_back(std::move(done));
-    start_when_known(false);
+  // What carries the newest estimate on stays, and what windows may yet be moved to.
+  if (const auto known = newest()) {
+    Time keep = std::min(done->window.end, known->t);
+    if (offset_search_) keep = std::min(keep, offset_search_->keep_from());
+    imu_.drop_before(keep, 2 * options_.imu.margin_samples);
+  }
+  held_.push_back(std::move(done));
+  take_up(false);
+}
+
+void Odometry::run(std::function<void()> job) {
+  if (background_) {
+    background_->run(std::move(job));
     return;
   }
-  // What carries the newest estimate on stays.
-  if (const auto known = newest())
-    imu_.drop_before(std::min(done->window.end, known->t), 2 * options_.imu.margin_samples);
-  hand_over(std::move(done));
-}
-
-void Odometry::hand_over(std::shared_ptr<const Segmented> segmented) {
-  if (background_)
-    background_->run([this, segmented = std::move(segmented)] { estimate(*segmented); });
-  else
-    estimate_here(*segmented);
-}
-
-// As in the second thread: what throws leaves things half done, and is the last.
-void Odometry::estimate_here(const Segmented& segmented) {
+  // As in the second thread: what throws leaves things half done, and is the last.
   if (std::exchange(failed_, true))
     throw UsageError("the estimation has ended with an error: make another Odometry");
-  estimate(segmented);
+  job();
   failed_ = false;
 }
 
 void Odometry::estimate(const Segmented& segmented) {
-  const EventWindow& window = segmented.window;
-  const SegmentedWindow& segments = segmented.segments;
-  Stopwatch watch;
-  const NavState& from = smoother_->latest();
-  WindowMeasurement measurement;
-  measurement.imu = std::make_shared<Preintegration>(segmented.samples, window.begin, window.end, from.bias,
-                                                     rig_.imu, options_.imu);
-  if (const int saturated = measurement.imu->quality().saturated; saturated > 0)
-    backend_diagnostics_.warn(
-        "imu_saturated",
-        fmt::format("IMU readings at the sensor's range in the window from {:.3f} s on: "
-                    "their noise is inflated, accuracy suffers there",
-                    static_cast<double>(window.begin) / kNsPerS),
-        saturated);
-  constexpr double kNoisy = 2;
-  if (const double ratio = measurement.imu->quality().noise_ratio; ratio > kNoisy)
-    backend_diagnostics_.warn(
-        "imu_noise",
-        fmt::format("the IMU's readings in the window from {:.3f} s on are {:.1f} times as noisy as "
-                    "the rig says: it is trusted by what is seen",
-                    static_cast<double>(window.begin) / kNsPerS, ratio));
-  std::vector<ImuSample> inside;
-  std::copy_if(segmented.samples.begin(), segmented.samples.end(), std::back_inserter(inside),
-               [&](const ImuSample& s) { return s.t >= window.begin && s.t <= window.end; });
-  const std::int64_t noise = segmented.counts.hot + segmented.counts.unsupported;
-  motion_.add(window, segments);
-  measurement.still = rest_.update(window, motion_.moves(), noise - std::exchange(noise_events_, noise),
-                                   inside, from.bias, options_.backend.gravity) &&
-                      options_.backend.use_rest;
-  measurement.lines = observe(window, segments, *measurement.imu);
-  if (options_.backend.method == BackendMethod::kFixedLag)
-    for (int k = 0, n = bin_count(window); k < n; ++k)
-      measurement.bin_motions.push_back(
-          measurement.imu->at(window.begin + (2 * k + 1) * (window.end - window.begin) / (2 * n)));
-  for (const auto& line : measurement.lines) ++track_windows_[line.id];
-  const double integrate_s = watch.lap();
-  smoother_->add(std::move(measurement));
-  const SolveStats stats = smoother_->solve();
+  const WindowEstimator::Outcome outcome = estimator_.estimate(segmented);
+  const Backend& backend = estimator_.backend();
   {
     const std::lock_guard lock(newest_mutex_);
-    newest_ = smoother_->latest();
+    newest_ = backend.latest();
   }
   if (listener_)
-    listener_({smoother_->latest(), window, segments, *smoother_, stats, segmented.segment_s, integrate_s,
-               watch.lap(), segmented.counts});
+    listener_({backend.latest(), segmented.window, segmented.segments, backend, outcome.stats,
+               segmented.segment_s, outcome.integrate_s, outcome.solve_s, segmented.counts});
 }
 
 std::optional<NavState> Odometry::newest() const {
   const std::lock_guard lock(newest_mutex_);
   return newest_;
-}
-
-// The longest tracks first, then the longest segments; of each, events spread evenly over its time.
-std::vector<LineObservation> Odometry::observe(const EventWindow& window, const SegmentedWindow& segments,
-                                               const Preintegration& imu) const {
-  const auto age = [&](const Segment& s) {
-    const auto it = track_windows_.find(s.id);
-    return it == track_windows_.end() ? 0 : it->second;
-  };
-  const auto most = static_cast<std::size_t>(options_.backend.max_lines_per_window);
-  std::vector<const Segment*> chosen;
-  for (const auto& segment : segments.segments) chosen.push_back(&segment);
-  std::stable_sort(chosen.begin(), chosen.end(), [&](const Segment* a, const Segment* b) {
-    return std::pair(age(*a), a->line.length_px()) > std::pair(age(*b), b->line.length_px());
-  });
-  chosen.resize(std::min(chosen.size(), most));
-  const std::size_t sure = chosen.size();
-  if (options_.backend.method == BackendMethod::kFixedLag)
-    for (const auto& segment : segments.candidates)
-      if (chosen.size() < most) chosen.push_back(&segment);
-
-  std::vector<LineObservation> out;
-  const auto measure = [&](const Vec2& px, Time t) { return EventMeasurement{px, imu.at(t)}; };
-  for (std::size_t k = 0; k < chosen.size(); ++k) {
-    const Segment* const segment = chosen[k];
-    // The repeated events belong to the window before; a segment with hardly any of its own is not seen in
-    // this one.
-    const auto own = std::lower_bound(segment->events.begin(), segment->events.end(),
-                                      static_cast<std::uint32_t>(window.overlap));
-    const auto count = static_cast<std::size_t>(segment->events.end() - own);
-    if (count < 2) continue;
-    LineObservation observation;
-    observation.id = segment->id;
-    observation.candidate = k >= sure;
-    observation.event_count = static_cast<std::int64_t>(count);
-    const std::span own_events(own, segment->events.end());
-    if (options_.backend.method == BackendMethod::kFixedLag)
-      observation.bins = compress_events(window, own_events, *segment);
-    else
-      observation.events = choose_events(window, own_events, imu);
-    const Time middle = window.events[*(own + static_cast<std::ptrdiff_t>(count / 2))].t;
-    const double t = seconds_between(window.begin, middle);
-    observation.end_a = measure(segment->line.point(segment->line.u_min, t), middle);
-    observation.end_b = measure(segment->line.point(segment->line.u_max, t), middle);
-    out.push_back(std::move(observation));
-  }
-  return out;
-}
-
-// Spread evenly over the segment's time.
-std::vector<EventMeasurement> Odometry::choose_events(const EventWindow& window,
-                                                      std::span<const std::uint32_t> events,
-                                                      const Preintegration& imu) const {
-  std::vector<EventMeasurement> out;
-  const std::size_t count = events.size();
-  const auto wanted = std::min(count, static_cast<std::size_t>(options_.backend.max_events_per_observation));
-  for (std::size_t k = 0; k < wanted; ++k) {
-    const Event& e = window.events[events[(2 * k + 1) * count / (2 * wanted)]];
-    out.push_back({undistort_(e.x, e.y).cast<double>(), imu.at(e.t)});
-  }
-  return out;
-}
-
-int Odometry::bin_count(const EventWindow& window) const {
-  return std::max(
-      1, static_cast<int>(std::lround(seconds_between(window.begin, window.end) / options_.backend.bin_s)));
-}
-
-// All events in bins of equal time, each moved across the line to its bin's middle as the segment moves. Bins
-// with few events, as slow lines have them, are joined until there are enough.
-std::vector<LineBin> Odometry::compress_events(const EventWindow& window,
-                                               std::span<const std::uint32_t> events,
-                                               const Segment& segment) const {
-  const double duration = seconds_between(window.begin, window.end);
-  const int bins = bin_count(window);
-  const MovingLine& line = segment.line;
-  constexpr double kGateSigmas = 1.6;  // what is farther is the tail of late events, and noise
-  const double gate = std::max(options_.backend.bin_gate_px, kGateSigmas * segment.sigma_px);
-  std::vector<LineBin> out;
-  const auto bin_of = [&](std::uint32_t i) {
-    const double share = seconds_between(window.begin, window.events[i].t) / duration;
-    return std::clamp(static_cast<int>(share * bins), 0, bins - 1);
-  };
-  std::vector<Vec2> points;
-  std::vector<double> times;
-  int first = 0;  // bin of the points
-  const auto finish = [&](int last) {
-    if (std::ssize(points) < options_.backend.min_bin_events) return false;
-    const int slot = (first + last) / 2;
-    const double middle = (slot + 0.5) * duration / bins;
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      const double u = line.along({points[k].x(), points[k].y(), times[k]});
-      points[k] += line.point(u, middle) - line.point(u, times[k]);
-    }
-    const LineMoments moments = compress(points);
-    const auto heading = [&](const Vec2& px) {
-      return line.heading(line.along({px.x(), px.y(), middle}), middle);
-    };
-    out.push_back({moments.a(), moments.b(), heading(moments.a()), heading(moments.b()), slot, moments.count,
-                   segment.sigma_px});
-    return true;
-  };
-  std::size_t next = 0;
-  for (int bin = 0; bin < bins; ++bin) {
-    if (points.empty()) first = bin;
-    for (; next < events.size() && bin_of(events[next]) <= bin; ++next) {
-      const Event& e = window.events[events[next]];
-      const Vec2 px = undistort_(e.x, e.y).cast<double>();
-      const double t = seconds_between(window.begin, e.t);
-      if (std::abs(line.distance({px.x(), px.y(), t})) > gate) continue;
-      points.push_back(px);
-      times.push_back(t);
-    }
-    if (finish(bin)) points.clear(), times.clear();
-  }
-  return out;
 }
 
 std::optional<NavState> Odometry::predict_at(Time t) const {
@@ -425,7 +325,7 @@ std::optional<NavState> Odometry::predict_at(Time t) const {
   const auto samples = imu_.slice(from->t, t, options_.imu.margin_samples);
   if (samples.size() < 2) return std::nullopt;
   const Preintegration motion(samples, from->t, t, from->bias, rig_.imu, options_.imu);
-  return predict(*from, motion.at(t), motion.bias(), smoother_->projection().gravity);
+  return predict(*from, motion.at(t), motion.bias(), smoother().projection().gravity);
 }
 
 Diagnostics Odometry::diagnostics() const {
@@ -444,7 +344,7 @@ Diagnostics Odometry::diagnostics() const {
   if (const auto stages = segmenter_->stages(); stages && counts.events > kEnough && on_lines < kFew)
     all.warn("few_lines",
              fmt::format("{:.0f} % of the events are on lines: {}", 100 * on_lines, stages->explanation()));
-  all.merge(backend_diagnostics_);
+  all.merge(estimator_.diagnostics());
   all.merge(imu_.diagnostics());
   return all;
 }

@@ -1,11 +1,9 @@
 // The method on one page: events and IMU readings in, states and lines out.
 #pragma once
 
-#include <chrono>
 #include <deque>
 #include <functional>
 #include <limits>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -14,10 +12,8 @@
 #include <vector>
 
 #include "idol/backend/backend.hpp"
-#include "idol/backend/backend_options.hpp"
 #include "idol/base/diagnostics.hpp"
 #include "idol/base/input_check.hpp"
-#include "idol/base/options.hpp"
 #include "idol/base/rig.hpp"
 #include "idol/base/types.hpp"
 #include "idol/frontend/segments.hpp"
@@ -26,51 +22,12 @@
 #include "idol/imu/imu_buffer.hpp"
 #include "idol/imu/imu_init.hpp"
 #include "idol/odometry/background.hpp"
-#include "idol/odometry/image_motion.hpp"
-#include "idol/odometry/rest_detector.hpp"
+#include "idol/odometry/odometry_options.hpp"
+#include "idol/odometry/segmented.hpp"
+#include "idol/odometry/time_offset_search.hpp"
+#include "idol/odometry/window_estimator.hpp"
 
 namespace idol {
-
-struct EventFilterOptions {
-  bool flicker = true;
-
-  template <class Self, class Visitor>
-  static void fields(Self& self, Visitor&& visit) {
-    visit("flicker", self.flicker, Range{},
-          "leave out the events of lamps that flicker at 86 to 134 Hz, which is twice the mains' frequency");
-  }
-};
-
-struct PipelineOptions {
-  int threads = 2;
-
-  template <class Self, class Visitor>
-  static void fields(Self& self, Visitor&& visit) {
-    visit("threads", self.threads, Range{1, 2},
-          "2: the back-end works in a thread of its own while the front-end goes on; results are the same");
-  }
-};
-
-struct Options {
-  EventFilterOptions filter;
-  WindowOptions window;
-  SegmentOptions segment;
-  PreintegrationOptions imu;
-  ImuInitOptions start;
-  BackendOptions backend;
-  PipelineOptions pipeline;
-
-  template <class Self, class Visitor>
-  static void fields(Self& self, Visitor&& visit) {
-    visit("filter", self.filter, Range{}, "");
-    visit("window", self.window, Range{}, "");
-    visit("segment", self.segment, Range{}, "");
-    visit("imu", self.imu, Range{}, "");
-    visit("start", self.start, Range{}, "");
-    visit("backend", self.backend, Range{}, "");
-    visit("pipeline", self.pipeline, Range{}, "");
-  }
-};
 
 /// What is known after a window. References are valid during the call that hands it over.
 struct Estimate {
@@ -107,7 +64,7 @@ class Odometry {
   void wait();
 
   /// After wait() or finish() only, until the next push.
-  [[nodiscard]] const Backend& smoother() const { return *smoother_; }
+  [[nodiscard]] const Backend& smoother() const { return estimator_.backend(); }
   /// True once a window has been estimated.
   [[nodiscard]] bool started() const { return newest().has_value(); }
   /// Newest estimate carried on to `t` (IMU clock) by the samples present, at any rate and in the thread that
@@ -125,32 +82,18 @@ class Odometry {
   void process_ready(bool last);
   void prepare();
   void drop_waiting();
-  // A window as the front-end leaves it.
-  struct Segmented {
-    EventWindow window;
-    SegmentedWindow segments;
-    std::vector<ImuSample> samples;
-    double segment_s = 0;
-    SegmenterCounts counts;
-  };
   void segment(EventWindow&& window);
-  void start_when_known(bool last);
-  void start(const ImuInit& init);
-  void hand_over(std::shared_ptr<const Segmented> segmented);
-  void estimate_here(const Segmented& segmented);
-  [[nodiscard]] bool image_moves() const;
+  void take_up(bool last);
+  [[nodiscard]] bool find_start(bool last);
+  [[nodiscard]] bool image_moves(Time until) const;
+  void correct_time_offset();
+  void hand_over_held(bool last);
+  void start();
+  void run(std::function<void()> job);
   void estimate(const Segmented& segmented);
+  [[nodiscard]] std::vector<ImuSample> imu_samples(Time from, Time to) const;
+  [[nodiscard]] std::vector<CameraRate> rates_of(std::span<const ImuSample> samples) const;
   [[nodiscard]] std::optional<NavState> newest() const;
-  [[nodiscard]] std::vector<LineObservation> observe(const EventWindow& window,
-                                                     const SegmentedWindow& segments,
-                                                     const Preintegration& imu) const;
-  [[nodiscard]] std::vector<EventMeasurement> choose_events(const EventWindow& window,
-                                                            std::span<const std::uint32_t> events,
-                                                            const Preintegration& imu) const;
-  [[nodiscard]] std::vector<LineBin> compress_events(const EventWindow& window,
-                                                     std::span<const std::uint32_t> events,
-                                                     const Segment& segment) const;
-  [[nodiscard]] int bin_count(const EventWindow& window) const;
 
   Rig rig_;
   Options options_;
@@ -161,23 +104,24 @@ class Odometry {
   std::optional<FlickerFilter> flicker_filter_;
   Windower windower_;
   std::unique_ptr<Segmenter> segmenter_;
-  std::unique_ptr<Backend> smoother_;
+  WindowEstimator estimator_;
   std::optional<EventWindow> waiting_;
+  std::deque<std::shared_ptr<Segmented>> held_;  // windows of which start or time offset are to be found
+  std::optional<ImuInit> init_;
   bool started_ = false;
-  std::deque<std::shared_ptr<const Segmented>> held_;  // windows of which the start is to be found
   std::string start_failure_;
+  std::unique_ptr<TimeOffsetSearch> offset_search_;  // until the offset is judged
+  std::size_t searched_ = 0;                         // of the windows held, by it
+  Time correction_ = 0;         // of the rig's time offset: by so much windows are moved behind the front-end
+  Time handed_over_until_ = 0;  // windows
   bool imu_over_ = false;
   Time prepared_ = std::numeric_limits<Time>::min();  // up to where the open window has been looked at
   double prepare_s_ = 0;                              // what that took
-  ImageMotion motion_;
-  RestDetector rest_;
-  std::int64_t noise_events_ = 0;        // by now, for its differences
-  std::map<LineId, int> track_windows_;  // how many windows saw each segment so far
   std::function<void(const Estimate&)> listener_;
-  Diagnostics diagnostics_, backend_diagnostics_;
+  Diagnostics diagnostics_;
   mutable std::mutex newest_mutex_;
   std::optional<NavState> newest_;
-  bool failed_ = false;                     // in estimate_here()
+  bool failed_ = false;                     // in run()
   std::unique_ptr<Background> background_;  // last: its jobs use all of the above
 };
 
