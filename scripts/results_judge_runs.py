@@ -86,22 +86,22 @@ def odometry_and_lines(args, folder, out):
     return entry
 
 
-def odometry_of_copy(args, folder, original, command, out):
-    """On a degraded copy, which is made first, or on the original, which has no command."""
-    failure = make_copy(command) if command else None
+def odometry_of_copy(args, folder, unchanged, command, out):
+    """On a degraded copy, which is made first."""
+    failure = make_copy(command)
     if failure:
-        return {"figures": dict(FAILED), "failure": failure, "warnings": [], "original": original}
+        return {"figures": {}, "failure": failure, "warnings": [], "unchanged": unchanged}
     entry = odometry(args, folder, out)
     figures = {name: value for name, value in entry["figures"].items() if name in OF_COPIES}
-    return {**entry, "figures": figures, "original": original}
+    return {**entry, "figures": figures, "unchanged": unchanged}
 
 
 def add_ratios(rows):
-    """Of the errors of degraded copies to that of their original, where that was run too."""
-    for entry in rows.values():
-        if entry["original"] in rows:
-            original = rows[entry["original"]]["figures"]
-            entry["figures"]["ratio"] = entry["figures"]["mm"] / original["mm"]
+    """Of the errors of degraded copies to that of the unchanged one, where that was run too."""
+    for name, entry in rows.items():
+        unchanged = rows.get(entry["unchanged"], {"figures": {}})["figures"]
+        if name != entry["unchanged"] and "mm" in entry["figures"] and "mm" in unchanged:
+            entry["figures"]["ratio"] = entry["figures"]["mm"] / unchanged["mm"]
 
 
 def study_figures(path):
@@ -159,9 +159,9 @@ def jobs_of(group, args):
         for piece in WITH_IMU:
             jobs.append((f"{piece} odometry", 1e6, real_odometry, (piece, os.path.join(args.out, group, "run", piece))))
     elif group == "degraded":
-        for name, folder, original, command in degraded(os.path.join(args.out, group + ".log")):
+        for name, folder, unchanged, command in degraded(os.path.join(args.out, group + ".log")):
             out = os.path.join(args.out, group, name)
-            jobs.append((name, events_size(command[1] if command else folder), odometry_of_copy, (folder, original, command, out)))
+            jobs.append((name, events_size(command[1]), odometry_of_copy, (folder, unchanged, command, out)))
     elif group != "real":
         for folder in recordings(group, args.only, os.path.join(args.out, group + ".log")):
             name = os.path.basename(folder)

@@ -7,7 +7,7 @@ FIGURES = {
     "recall": ("recall", 3, "share", 1), "purity": ("purity", 3, "share", 1), "covered": ("covered", 3, "share", 1),
     "life": ("life", 3, "share", 1), "in_segments": ("in segments %", 1, "share", 0),
     "mm": ("causal: RMSE mm", 2, "error", -1), "deg": ("deg", 3, "error", -1), "mpe": ("MPE %", 3, "error", -1),
-    "ratio": ("of the original's RMSE", 2, "error", -1),
+    "ratio": ("ratio to unchanged", 2, "error", -1),
     "smoothed_mm": ("smoothed: RMSE mm", 2, "error", -1), "poses": ("poses cover %", 1, "share", 0),
     "restarts": ("restarts", 1, "share", 0), "cpu": ("CPU s per s", 2, "error", 0)}
 ODOMETRY = {"roll_deg": "roll off by {:.2f} deg of {of_deg:.1f}", "tilt_deg": "tilt at the end by {:.2f} deg",

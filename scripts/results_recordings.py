@@ -9,8 +9,11 @@ SHARED = os.path.join(ROOT, "..", "shared")
 RECORDINGS = os.path.join(SHARED, "tools", "recordings")
 DEGRADE = os.path.join(SHARED, "tools", "degrade", "degrade.cpp")
 OLD = os.path.join(SHARED, "data", "sim")
-# Of the group `degraded`: a recording, what was done to it, and the options of ../shared/tools/degrade that do it.
+# Of the group `degraded`: a recording, what was done to it, and the options of ../shared/tools/degrade that do it. The tool
+# rounds the rig's files, which alone changes a run's error, so that copies are compared with an unchanged copy.
+UNCHANGED = "unchanged"
 COPIES = """
+lap_a unchanged
 lap_a imu_errors --acc-scale .01 --gyro-scale .01 --acc-misalign .5 --gyro-misalign .5 --g-sens 1.78e-4
 lap_a jitter_1ms --imu-jitter .001
 lap_a bursts_of_4 --imu-burst 4,0
@@ -28,10 +31,12 @@ lap_a warm_up --drift 0.02,0.1,30
 lap_a vibration --vibration 3,0.02
 lap_a object_60x90 --object 60,90,80
 lap_a object_180x180 --object 180,180,80
+shapes_6dof unchanged
 shapes_6dof noise_20hz --noise 20
 shapes_6dof noise_50hz --noise 50
 shapes_6dof nth_10 --nth 10
 shapes_6dof flicker_100hz --flicker 100,1,0.3
+desk_6dof unchanged
 desk_6dof noise_20hz --noise 20
 desk_6dof noise_50hz --noise 50
 desk_6dof nth_10 --nth 10
@@ -74,7 +79,7 @@ def recordings(group, only, log):
 
 
 def degraded(log):
-    """(name, folder, what it is a copy of, how it is made) of the originals, each followed by its copies, made or not."""
+    """(name, folder, name of the unchanged copy, how it is made) of the copies of each original, made or not."""
     journey = simulated(["lap_a"], log)
     tool = degrade_tool(os.path.dirname(journey[0]), log) if journey else None
     if not tool:
@@ -85,13 +90,11 @@ def degraded(log):
         name, what, *options = line.split()
         if name not in originals:
             originals[name] = journey[0] if name == "lap_a" else plain(os.path.join(OLD, name), os.path.join(parent, name))
-            if originals[name]:
-                out.append((name, originals[name], None, None))
-            else:
+            if not originals[name]:
                 print(f"results: {name} is not there: its degraded copies are left out", file=sys.stderr)
         if originals[name]:
             folder = os.path.join(parent, f"{name}_{what}")
-            out.append((os.path.basename(folder), folder, name, [tool, originals[name], folder] + options))
+            out.append((os.path.basename(folder), folder, f"{name}_{UNCHANGED}", [tool, originals[name], folder] + options))
     return out
 
 
