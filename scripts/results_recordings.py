@@ -1,8 +1,10 @@
 """The recordings that scripts/results --judge runs on, by group, and how those that are missing are made."""
+import filecmp
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SHARED = os.path.join(ROOT, "..", "shared")
@@ -22,15 +24,16 @@ lap_a offset_50ms --offset .05
 lap_a offset_100ms --offset .1
 lap_a cut_0.3s --cut 20,20.3
 lap_a imu_gap_1s --imu-gap 20,21
-lap_a gyro_500deg_s --gyro-sat 500
-lap_a gyro_250deg_s --gyro-sat 250
-lap_a acc_2g --acc-sat 2
 lap_a clock_500ppm --imu-clock 500
 lap_a clock_2000ppm --imu-clock 2000
 lap_a warm_up --drift 0.02,0.1,30
 lap_a vibration --vibration 3,0.02
 lap_a object_60x90 --object 60,90,80
 lap_a object_180x180 --object 180,180,80
+hand_shapes unchanged
+hand_shapes gyro_500deg_s --gyro-sat 500
+hand_shapes gyro_250deg_s --gyro-sat 250
+hand_shapes acc_2g --acc-sat 2
 shapes_6dof unchanged
 shapes_6dof noise_20hz --noise 20
 shapes_6dof noise_50hz --noise 50
@@ -89,13 +92,20 @@ def degraded(log):
     for line in COPIES.split("\n")[1:-1]:
         name, what, *options = line.split()
         if name not in originals:
-            originals[name] = journey[0] if name == "lap_a" else plain(os.path.join(OLD, name), os.path.join(parent, name))
+            originals[name] = original(name, parent, log)
             if not originals[name]:
                 print(f"results: {name} is not there: its degraded copies are left out", file=sys.stderr)
         if originals[name]:
             folder = os.path.join(parent, f"{name}_{what}")
             out.append((os.path.basename(folder), folder, f"{name}_{UNCHANGED}", [tool, originals[name], folder] + options))
     return out
+
+
+def original(name, parent, log):
+    """Folder of a recording as the tool reads it, or None."""
+    if os.path.isdir(os.path.join(OLD, name)):
+        return plain(os.path.join(OLD, name), os.path.join(parent, name))
+    return (simulated([name], log) + [None])[0]
 
 
 def degrade_tool(cache, log):
@@ -128,7 +138,8 @@ def plain(source, folder):
 
 
 def make_copy(command):
-    """Runs a command of `degraded`, once; what went wrong or None. An interrupted copy is not taken for a whole one."""
+    """Runs a command of `degraded`, once; what went wrong or None. An interrupted copy is not taken for a whole one, and one
+    whose options change nothing, such as a range that the recording never reaches, is refused."""
     tool, source, folder, *options = command
     if whole(folder):
         return None
@@ -137,5 +148,19 @@ def make_copy(command):
     if made.returncode != 0:
         shutil.rmtree(part, ignore_errors=True)
         return made.stderr.strip() or f"degrade: status {made.returncode}"
+    if options and same_data(source, part, tool):
+        shutil.rmtree(part)
+        return "its options change nothing of this recording"
     os.rename(part, folder)
     return None
+
+
+def same_data(source, copy, tool):
+    """Whether a copy is what the tool makes of a recording without options."""
+    if not os.path.samefile(os.path.join(source, "events.txt"), os.path.join(copy, "events.txt")):
+        return False  # events that no option touches are linked
+    with tempfile.TemporaryDirectory(dir=os.path.dirname(copy)) as folder:
+        plain_copy = os.path.join(folder, "unchanged")
+        subprocess.run([tool, source, plain_copy], stdout=subprocess.DEVNULL, check=True)
+        names = ["imu.txt", "camchain-imucam.yaml", "imu.yaml"]
+        return not any(filecmp.cmpfiles(copy, plain_copy, names, shallow=False)[1:])
