@@ -1,4 +1,5 @@
-"""Runs what a change of the method is judged by: real pieces with true lines, and groups of simulated recordings.
+"""Runs what a change of the method is judged by: real pieces with true lines, groups of simulated recordings, among them
+journeys of minutes, and degraded copies of recordings, as a worse sensor would have sent them.
 
 Two programs run at a time. With one group: a row for each recording. With all: a row for each group, and, with --against,
 the same of an earlier folder. Mean of shares (recall, purity, ...): arithmetic; of errors: geometric. No
@@ -9,8 +10,9 @@ import json
 import os
 import sys
 
-from results_judge_runs import GROUPS, ROOT, run_all
+from results_judge_runs import GROUPS, LINES_KNOWN, run_all
 from results_judge_table import section, summary
+from results_recordings import ROOT
 from results_table import load, processor, replace_section
 
 
@@ -46,7 +48,7 @@ def main():
     if args.only_table:
         results = {group: rows for group, rows in (load(stored) or {}).items() if group in args.group}
     else:
-        for program in (args.idol, args.study):
+        for program in [args.idol] + [args.study] * any(group in LINES_KNOWN for group in args.group):
             if not os.access(program, os.X_OK):
                 sys.exit(f"results: {program}: not there; build it (cmake --build --preset release) or give --idol and --study")
         os.makedirs(args.out, exist_ok=True)

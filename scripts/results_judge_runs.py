@@ -7,17 +7,17 @@ import sys
 import threading
 
 from results_judge_table import FAILED
+from results_recordings import SHARED, degraded, make_copy, recordings
 from results_table import load
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-SHARED = os.path.join(ROOT, "..", "shared")
 REAL_LINES = os.path.join(SHARED, "tools", "real_lines")
-RECORDINGS = os.path.join(SHARED, "tools", "recordings")
 REAL = {"rotDisk": "davis240c_IMU_rotDisk", "shapes_rotation": "rpg_shapes_rotation_0-1.43s",
         "shapes_rotation_fast": "rpg_shapes_rotation", "slider_depth": "rpg_slider_depth",
         "shapes_6dof_start": "rpg_shapes_6dof_start"}
 WITH_IMU = ("rotDisk", "shapes_rotation")
-GROUPS = ("real", "sensor", "motion", "old")
+GROUPS = ("real", "sensor", "motion", "old", "journey", "degraded")
+LINES_KNOWN = ("sensor", "motion", "old")  # groups whose segments are judged, by study_frontend
+OF_COPIES = ("mm", "deg", "mpe", "poses", "restarts")
 TIMEOUT_S = 900
 
 
@@ -53,7 +53,8 @@ def settings(args):
 
 
 def odometry(args, folder, out):
-    """Figures of `idol run` on a recording with exact truth, and what failed."""
+    """Figures of `idol run` on a recording with exact truth, what failed, and the kinds of warnings."""
+    fresh(out)
     failure, cpu_s = run([args.idol, "run", folder, "--out", out] + settings(args), os.path.join(out, "run.log"))
     figures = {}
     stats = load(os.path.join(out, "stats.json"))
@@ -69,21 +70,38 @@ def odometry(args, folder, out):
         figures.update(mm=1000 * full["translation_m"]["rmse"], deg=full["rotation_deg"]["rmse"], mpe=full["mpe_percent"])
     if smoothed:
         figures["smoothed_mm"] = 1000 * smoothed["protocols"]["full"]["translation_m"]["rmse"]
-    return figures, failure or (None if causal and smoothed else "no trajectory to judge")
+    return {"figures": figures, "failure": failure or (None if causal and smoothed else "no trajectory to judge"),
+            "warnings": sorted(stats["warnings"]) if stats else []}
 
 
-def front_end(args, folder, out):
-    """Recall and purity of the segments of a recording with exact truth, and what failed."""
+def odometry_and_lines(args, folder, out):
+    """Besides, recall and purity of the segments."""
+    entry = odometry(args, folder, out)
     log = os.path.join(out, "study.log")
     failure, _ = run([args.study] + args.set + [folder], log)
-    return ({}, "study: " + failure) if failure else (study_figures(log), None)
+    if failure:
+        entry["failure"] = entry["failure"] or "study: " + failure
+    else:
+        entry["figures"].update(study_figures(log))
+    return entry
 
 
-def simulated(args, folder, out):
-    fresh(out)
-    figures, failure = odometry(args, folder, out)
-    labels, error = front_end(args, folder, out)
-    return {"figures": {**figures, **labels}, "failure": failure or error}
+def odometry_of_copy(args, folder, unchanged, command, out):
+    """On a degraded copy, which is made first."""
+    failure = make_copy(command)
+    if failure:
+        return {"figures": {}, "failure": failure, "warnings": [], "unchanged": unchanged}
+    entry = odometry(args, folder, out)
+    figures = {name: value for name, value in entry["figures"].items() if name in OF_COPIES}
+    return {**entry, "figures": figures, "unchanged": unchanged}
+
+
+def add_ratios(rows):
+    """Of the errors of degraded copies to that of the unchanged one, where that was run too."""
+    for name, entry in rows.items():
+        unchanged = rows.get(entry["unchanged"], {"figures": {}})["figures"]
+        if name != entry["unchanged"] and "mm" in entry["figures"] and "mm" in unchanged:
+            entry["figures"]["ratio"] = entry["figures"]["mm"] / unchanged["mm"]
 
 
 def study_figures(path):
@@ -127,20 +145,8 @@ def data_of(piece):
     return os.path.join(SHARED, "data", "real", REAL[piece])
 
 
-def recordings(group, log):
-    """Folders of a group; those that are missing are made, which takes minutes."""
-    if group == "old":
-        parent = os.path.join(SHARED, "data", "sim")
-        return [os.path.join(parent, name) for name in sorted(os.listdir(parent))] if os.path.isdir(parent) else []
-    if not os.path.exists(RECORDINGS):
-        return []
-    with open(log, "w", encoding="utf-8") as file:  # its status says nothing of those that were made
-        made = subprocess.run([RECORDINGS, "make", group], stdout=subprocess.PIPE, stderr=file, text=True, check=False)
-    folders = made.stdout.split()
-    for folder in folders:
-        if not os.path.isdir(folder):
-            print(f"results: {os.path.basename(folder)} could not be made ({log}): left out", file=sys.stderr)
-    return [folder for folder in folders if os.path.isdir(folder)]
+def events_size(folder):
+    return sum(os.path.getsize(os.path.join(folder, name)) for name in os.listdir(folder) if "events" in name)
 
 
 def jobs_of(group, args):
@@ -152,11 +158,15 @@ def jobs_of(group, args):
                 jobs.append((f"{piece} {preset}", 1e6, real, (piece, preset, os.path.join(args.out, group, preset, piece))))
         for piece in WITH_IMU:
             jobs.append((f"{piece} odometry", 1e6, real_odometry, (piece, os.path.join(args.out, group, "run", piece))))
+    elif group == "degraded":
+        for name, folder, unchanged, command in degraded(os.path.join(args.out, group + ".log")):
+            out = os.path.join(args.out, group, name)
+            jobs.append((name, events_size(command[1]), odometry_of_copy, (folder, unchanged, command, out)))
     elif group != "real":
-        for folder in recordings(group, os.path.join(args.out, group + ".log")):
-            size = sum(os.path.getsize(os.path.join(folder, name)) for name in os.listdir(folder) if "events" in name)
+        for folder in recordings(group, args.only, os.path.join(args.out, group + ".log")):
             name = os.path.basename(folder)
-            jobs.append((name, size, simulated, (folder, os.path.join(args.out, group, name))))
+            function = odometry_and_lines if group in LINES_KNOWN else odometry
+            jobs.append((name, events_size(folder), function, (folder, os.path.join(args.out, group, name))))
     if args.only:
         jobs = [job for job in jobs if job[0].split()[0] in args.only]
     elif not jobs:
@@ -175,4 +185,5 @@ def run_all(args):
             results[job[0]][job[1]] = running[job[:2]].result()
             failure = results[job[0]][job[1]]["failure"]
             print(f"results: {job[0]}: {job[1]}" + (f": {failure}" if failure else ""), file=sys.stderr)
+    add_ratios(results.get("degraded", {}))
     return results

@@ -7,6 +7,7 @@ FIGURES = {
     "recall": ("recall", 3, "share", 1), "purity": ("purity", 3, "share", 1), "covered": ("covered", 3, "share", 1),
     "life": ("life", 3, "share", 1), "in_segments": ("in segments %", 1, "share", 0),
     "mm": ("causal: RMSE mm", 2, "error", -1), "deg": ("deg", 3, "error", -1), "mpe": ("MPE %", 3, "error", -1),
+    "ratio": ("ratio to unchanged", 2, "error", -1),
     "smoothed_mm": ("smoothed: RMSE mm", 2, "error", -1), "poses": ("poses cover %", 1, "share", 0),
     "restarts": ("restarts", 1, "share", 0), "cpu": ("CPU s per s", 2, "error", 0)}
 ODOMETRY = {"roll_deg": "roll off by {:.2f} deg of {of_deg:.1f}", "tilt_deg": "tilt at the end by {:.2f} deg",
@@ -63,15 +64,16 @@ def odometry_text(rows):
 
 
 def section(group, rows):
-    """A row for each recording, and their mean."""
+    """A row for each recording, and their mean; of degraded copies also what the program warned of."""
     kinds, odometry = lines_and_runs(group, rows)
-    names = columns_of(kinds.values())
-    out = header(["recording"] + [FIGURES[name][0] for name in names])
+    names, warned = columns_of(kinds.values()), ["warnings"] * (group == "degraded")
+    out = header(["recording"] + [FIGURES[name][0] for name in names] + warned)
     for kind, found in kinds.items():
         for key, entry in found.items():
             failure = f" (failed: {entry['failure'].replace('|', '/')})" if entry["failure"] else ""
-            out.append(row([key + failure] + [cell(name, entry["figures"].get(name)) for name in names]))
-        out.append(row([f"**mean, {kind}**"] + [cell(name, mean(found.values(), name)) for name in names]))
+            kinds_warned = [", ".join(entry[name]) for name in warned]
+            out.append(row([key + failure] + [cell(name, entry["figures"].get(name)) for name in names] + kinds_warned))
+        out.append(row([f"**mean, {kind}**"] + [cell(name, mean(found.values(), name)) for name in names] + [""] * len(warned)))
     return out + (["", "Odometry: " + odometry_text(odometry) + "."] if odometry else [])
 
 
