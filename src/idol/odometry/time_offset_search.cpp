@@ -8,7 +8,7 @@ namespace idol {
 namespace {
 
 constexpr double kPrior = 0.05;                          // standard deviation of the trial's time shift [s]
-constexpr double kWidest = 0.2;                          // correction [s]
+constexpr double kLargestCorrection = 0.2;                          // correction [s]
 constexpr double kLeastMotion = 0.8, kMostMotion = 1.5;  // before it is judged [s]
 constexpr double kKnown = 0.003;  // standard deviation with which it is judged early [s]
 constexpr double kNear = 0.012;   // what the estimator finds by itself [s]
@@ -59,7 +59,7 @@ TimeOffsetSearch::Progress TimeOffsetSearch::add(std::shared_ptr<const Segmented
 
 Time TimeOffsetSearch::keep_from() const {
   if (windows_.empty()) return std::numeric_limits<Time>::max();
-  return windows_.front()->window.begin - from_seconds(kWidest);
+  return windows_.front()->window.begin - from_seconds(kLargestCorrection);
 }
 
 TimeOffsetSearch::Shift TimeOffsetSearch::shift_of_trial() const {
@@ -71,7 +71,7 @@ TimeOffsetSearch::Shift TimeOffsetSearch::shift_of_trial() const {
 }
 
 std::optional<GyroOffset::Result> TimeOffsetSearch::ask_gyro() const {
-  const auto samples = imu_.slice(keep_from(), windows_.back()->window.end + from_seconds(kWidest), 0);
+  const auto samples = imu_.slice(keep_from(), windows_.back()->window.end + from_seconds(kLargestCorrection), 0);
   return gyro_.search(camera_rates(samples, rig_));
 }
 
@@ -95,7 +95,7 @@ void TimeOffsetSearch::judge() {
 std::optional<double> TimeOffsetSearch::converge(double offset_s) {
   constexpr int kMostTrials = 4;
   constexpr double kEnd = 0.004, kSure = 0.006;  // [s]
-  for (int trial = 0; trial < kMostTrials && std::abs(offset_s) < kWidest; ++trial) {
+  for (int trial = 0; trial < kMostTrials && std::abs(offset_s) < kLargestCorrection; ++trial) {
     const Shift rest = try_offset(offset_s);
     if (!rest.valid) return std::nullopt;
     offset_s += rest.s;

@@ -9,7 +9,7 @@
 namespace idol {
 namespace {
 
-constexpr double kSlowestScale = 0.1;  // [s/px]
+constexpr double kSlowestMotionScale = 0.1;  // [s/px]
 constexpr double kFlowSigma = 0.2;     // of a line's motion about the flow, over the usual speed
 // Spectral density of the image acceleration over the square of the usual speed [1/s], and the least speed
 // [px/s]: motion may begin at any time.
@@ -109,7 +109,7 @@ void LineTracker::adapt_scale() {
   double squares = 0;
   for (const double v : speeds) squares += v * v / static_cast<double>(speeds.size());
   usual_speed_ = std::max({kLeastUsual, turn, std::sqrt(squares)});
-  const double wanted = std::clamp(1.0 / middle, kFastestScale, kSlowestScale);
+  const double wanted = std::clamp(1.0 / middle, kFastestScale, kSlowestMotionScale);
   c_ = std::exp(0.9 * std::log(c_) + 0.1 * std::log(wanted));
 }
 
