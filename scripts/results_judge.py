@@ -10,7 +10,7 @@ import json
 import os
 import sys
 
-from results_judge_runs import GROUPS, LINES_KNOWN, run_all
+from results_judge_runs import GROUPS, LINES_KNOWN, add_ratios, run_all
 from results_judge_table import section, summary
 from results_recordings import ROOT
 from results_table import load, processor, replace_section
@@ -53,7 +53,10 @@ def main():
                 sys.exit(f"results: {program}: not there; build it (cmake --build --preset release) or give --idol and --study")
         os.makedirs(args.out, exist_ok=True)
         results = run_all(args)
-        stored_now = {**(load(stored) or {}), **results}  # other groups stay
+        stored_now = load(stored) or {}  # other groups stay, and with --only other recordings
+        for group, rows in results.items():
+            stored_now[group] = {**(stored_now.get(group, {}) if args.only else {}), **rows}
+        add_ratios(stored_now.get("degraded", {}))
         with open(stored, "w", encoding="utf-8") as file:
             json.dump(stored_now, file, indent=1)
     if not results:

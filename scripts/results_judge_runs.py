@@ -58,6 +58,7 @@ def odometry(args, folder, out):
     failure, cpu_s = run([args.idol, "run", folder, "--out", out] + settings(args), os.path.join(out, "run.log"))
     figures = {}
     stats = load(os.path.join(out, "stats.json"))
+    whole = stats is not None and stats["status"] == "done"  # the beginning alone would pass for a good run
     if stats:
         counts = stats["front_end"]
         figures.update(in_segments=100 * counts["in_segments"] / max(1, counts["events"]), restarts=stats["restarts"],
@@ -65,10 +66,10 @@ def odometry(args, folder, out):
     causal, smoothed = (load(os.path.join(out, name + ".json")) for name in ("evaluation_causal", "evaluation"))
     figures["poses"] = 100 * causal["coverage"] if causal else 0
     figures.update(FAILED)
-    if causal:
+    if causal and whole:
         full = causal["protocols"]["full"]
         figures.update(mm=1000 * full["translation_m"]["rmse"], deg=full["rotation_deg"]["rmse"], mpe=full["mpe_percent"])
-    if smoothed:
+    if smoothed and whole:
         figures["smoothed_mm"] = 1000 * smoothed["protocols"]["full"]["translation_m"]["rmse"]
     return {"figures": figures, "failure": failure or (None if causal and smoothed else "no trajectory to judge"),
             "warnings": sorted(stats["warnings"]) if stats else []}
@@ -185,5 +186,4 @@ def run_all(args):
             results[job[0]][job[1]] = running[job[:2]].result()
             failure = results[job[0]][job[1]]["failure"]
             print(f"results: {job[0]}: {job[1]}" + (f": {failure}" if failure else ""), file=sys.stderr)
-    add_ratios(results.get("degraded", {}))
     return results
