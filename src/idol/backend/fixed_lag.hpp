@@ -141,6 +141,15 @@ class FixedLag : public Backend {
   [[nodiscard]] std::optional<LineId> known_line(const LineObservation& seen, std::size_t window) const;
   [[nodiscard]] double typical_depth() const;
 
+  // What an optimisation changes: the active states, the calibration and some lines.
+  struct Variables {
+    std::vector<NavState> states;
+    Eigen::VectorXd calibration;
+    std::vector<AnchoredLine> lines;
+  };
+  [[nodiscard]] Variables variables(const std::vector<LineId>& ids) const;
+  void set_variables(const Variables& to, const std::vector<LineId>& ids);
+  void predict_end(std::size_t window);
   void move_cameras();
   [[nodiscard]] BinResidual residual(const LineBin& bin, const AnchoredLine& line, std::size_t window) const;
   [[nodiscard]] std::optional<Vec2> distances(const LineBin& bin, const AnchoredLine& line,
@@ -203,6 +212,11 @@ class FixedLag : public Backend {
   [[nodiscard]] double sigma_px(const LineBin& bin) const;
   [[nodiscard]] SolveStats newest_stats() const;
   [[nodiscard]] Line line_of(LineId id, const Track& track) const;
+
+  // Until velocity and tilt of a start in motion are known, everything is solved to the end, without leaving
+  // anything behind: scale, tilt and velocity change together, at hardly any cost, over a long way.
+  static constexpr double kEnoughToSettle = 1e-5;
+  static constexpr int kIterationsToSettle = 30;
 
   BackendOptions options_;
   Projection nominal_;  // the rig as it was given

@@ -63,6 +63,27 @@ void FixedLag::move_cameras() {
   }
 }
 
+FixedLag::Variables FixedLag::variables(const std::vector<LineId>& ids) const {
+  Variables out{{states_.begin() + static_cast<std::ptrdiff_t>(first_), states_.end()}, calibration_, {}};
+  for (const LineId id : ids) out.lines.push_back(tracks_.at(id).line);
+  return out;
+}
+
+void FixedLag::set_variables(const Variables& to, const std::vector<LineId>& ids) {
+  std::copy(to.states.begin(), to.states.end(), states_.begin() + static_cast<std::ptrdiff_t>(first_));
+  calibration_ = to.calibration;
+  for (std::size_t k = 0; k < ids.size(); ++k) tracks_.at(ids[k]).line = to.lines[k];
+  move_cameras();
+}
+
+// The state at a window's end, from that at its begin.
+void FixedLag::predict_end(std::size_t window) {
+  NavState& end = states_[window + 1];
+  const Time t = end.t;
+  end = predict(states_[window], inertial_[window]->motion, windows_[window].bias, projection_.gravity);
+  end.t = t;
+}
+
 FixedLag::WindowRows FixedLag::window_rows(std::size_t window) const {
   const NavState &from = states_[window], &to = states_[window + 1];
   const Inertial& inertial = *inertial_[window];

@@ -5,7 +5,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <set>
 
 namespace idol {
@@ -97,18 +96,20 @@ std::vector<Pair> candidates(std::span<const ImageSegment> segments, std::span<c
   return out;
 }
 
-// Of each segment the pair that fits best under an offset, indices into `pairs`.
-std::vector<std::size_t> inliers(const std::vector<Pair>& pairs, const MapOffset& offset) {
-  std::map<std::size_t, std::pair<double, std::size_t>> best;  // by segment
+// Of each of the segments the pair that fits best under an offset, indices into `pairs`.
+std::vector<std::size_t> inliers(const std::vector<Pair>& pairs, std::size_t segments,
+                                 const MapOffset& offset) {
+  std::vector<std::size_t> best(segments, pairs.size());
+  std::vector<double> nearest(segments, kInlierPx);
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     const double d = (pairs[k].distance + pairs[k].by_offset * offset).cwiseAbs().maxCoeff();
-    if (d > kInlierPx) continue;
-    const auto [it, first] = best.try_emplace(pairs[k].segment, d, k);
-    if (!first && d < it->second.first) it->second = {d, k};
+    const std::size_t s = pairs[k].segment;
+    if (d > nearest[s] || (d == nearest[s] && best[s] < pairs.size())) continue;
+    nearest[s] = d;
+    best[s] = k;
   }
-  std::vector<std::size_t> out;
-  for (const auto& [segment, entry] : best) out.push_back(entry.second);
-  return out;
+  std::erase(best, pairs.size());
+  return best;
 }
 
 // Different lines of the map among the pairs: pieces of one line say little more than one.
@@ -161,14 +162,14 @@ std::optional<Association> associate(std::span<const ImageSegment> segments,
     }
   std::size_t best = 0;
   for (std::size_t h = 0; h < hypotheses.size(); ++h) {
-    hypotheses[h].first = support(pairs, inliers(pairs, hypotheses[h].second));
+    hypotheses[h].first = support(pairs, inliers(pairs, segments.size(), hypotheses[h].second));
     if (hypotheses[h].first > hypotheses[best].first) best = h;
   }
   Association out;
   out.offset = hypotheses[best].second;
   std::vector<std::size_t> chosen;
   for (int round = 0; round < 3; ++round) {
-    chosen = inliers(pairs, out.offset);
+    chosen = inliers(pairs, segments.size(), out.offset);
     out.offset = solve(pairs, chosen, information);
   }
   // At that offset itself, not to first order.

@@ -8,7 +8,7 @@ namespace idol {
 namespace {
 
 constexpr double kPrior = 0.05;                          // standard deviation of the trial's time shift [s]
-constexpr double kLargestCorrection = 0.2;                          // correction [s]
+constexpr double kLargestCorrection = 0.2;               // correction [s]
 constexpr double kLeastMotion = 0.8, kMostMotion = 1.5;  // before it is judged [s]
 constexpr double kKnown = 0.003;  // standard deviation with which it is judged early [s]
 constexpr double kNear = 0.012;   // what the estimator finds by itself [s]
@@ -71,7 +71,8 @@ TimeOffsetSearch::Shift TimeOffsetSearch::shift_of_trial() const {
 }
 
 std::optional<GyroOffset::Result> TimeOffsetSearch::ask_gyro() const {
-  const auto samples = imu_.slice(keep_from(), windows_.back()->window.end + from_seconds(kLargestCorrection), 0);
+  const auto samples =
+      imu_.slice(keep_from(), windows_.back()->window.end + from_seconds(kLargestCorrection), 0);
   return gyro_.search(camera_rates(samples, rig_));
 }
 
